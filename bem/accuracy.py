@@ -11,8 +11,9 @@ Four things make a contact on fewer nodes that of the given map:
   pressure, area and mean gap need no conversion. Also the border of a free patch stays half a
   spacing of the given map beyond its outer nodes.
 - The surface is read there by its own waves: by Fourier's on a periodic patch, by cosines on a
-  mirrored one. On a free patch it is read by cubic splines; where each larger cell has an odd
-  number of cells along both axes these are every third or every fifth node of the map.
+  mirrored one. On a free patch it is read by polynomials of the fifth degree between the nodes;
+  where each larger cell has an odd number of cells along both axes these are every third or every
+  fifth node of the map.
 - Delta counts from the highest node of the given map, see `Problem.datum`.
 - A bar compares a grid with a coarser one, and cannot see the waves that both of them have not.
   Their part of the error follows from their share of the mean square slope. Under light loads the
@@ -64,6 +65,12 @@ STEP = math.sqrt(2)
 # where few nodes are in a wave, a bar can fall faster.
 BEST_ORDER = 2.0
 FURTHEST = 2.0
+
+# Nodes on whose heights the height between two nodes of a free map depends, along each axis.
+NODES_BESIDE = 6
+
+# Most lines of a map, about, on which slopes are measured along each axis.
+LINES = 64
 
 ERRORS = Range(0, 1, "above 0 and below 1: 0.01 is one per cent")
 
@@ -236,6 +243,7 @@ class _Search:
         self.asked = asked
         self.trials: list[Trial] = []
         self.best: Contact | None = None
+        self.contacts: dict[tuple[int, ...], Contact] = {}
 
     @property
     def budget(self) -> Budget:
@@ -262,6 +270,8 @@ class _Search:
             problem, dropped = surface.on(nodes)
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked.values()):
                 continue
+            if nodes != self.given.heights.shape and self._goes_on_to_the_grid(problem):
+                continue
             contact = self._tried(problem, dropped)
             if contact is not None and self.trials[-1].is_met:
                 return contact.with_budget(self.budget)
@@ -285,8 +295,7 @@ class _Search:
         NotReachable
             If elastic bodies have no area in the continuum.
         """
-        order = slope_order(self.given.heights, self.given.boundary)
-        if order >= LEAST_ORDER or self.given.hardness is not None:
+        if not self._goes_on_to_the_grid(self.given):
             return
         raise NotReachable(
             f"{self._in_words(self.asked)} not reachable on any grid: waves go on down to the grid"
@@ -294,6 +303,13 @@ class _Search:
             " more",
             self.budget,
         )
+
+    def _goes_on_to_the_grid(self, problem: Problem) -> bool:
+        """Return whether elastic bodies have no area in the continuum that a grid could tell."""
+        if problem.hardness is not None:
+            return False
+        order = slope_order(problem.heights, problem.boundary, lines=LINES)
+        return order < LEAST_ORDER
 
     def _tried(self, problem: Problem, dropped: float) -> Contact | None:
         """Solve on a grid and keep the trial; return None where the solver fails.
@@ -312,15 +328,20 @@ class _Search:
             trial = Trial((rows, columns), dropped, {}, str(failure), 0.0, 0.0)
             self.trials.append(trial)
             return None
-        error = contact.grid_error()
+        # The contact of an earlier trial is the coarser one where it has every second node.
+        coarse = self.contacts.get(((rows + 1) // 2, (columns + 1) // 2))
+        error = contact.grid_error(coarse)
+        self.contacts[rows, columns] = contact
         answers = {
             name: self._parts(contact, error, name, dropped=dropped)
             for name in self.asked
         }
         convolutions = float(contact.convolutions)
-        if error.coarse is not None:
-            share = work(error.coarse.pressure.shape) / work((rows, columns))
-            convolutions += error.coarse.convolutions * share
+        if coarse is None:
+            for coarser in (error.coarse, error.coarsest):
+                if coarser is not None:
+                    share = work(coarser.pressure.shape) / work((rows, columns))
+                    convolutions += coarser.convolutions * share
         trial = Trial(
             nodes=(rows, columns),
             waves_dropped=dropped,
@@ -375,7 +396,7 @@ def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
 
     Where yielding decides the area of a surface without a limit, it decides no other answer.
     """
-    if not error.resolved or contact.contact_nodes == 0:
+    if not error.verdicts[name] or contact.contact_nodes == 0:
         return math.inf
     if name != "area" and error.order < LEAST_ORDER:
         return math.inf
@@ -490,23 +511,32 @@ class Surface:
 class _Waves:
     """The waves of a patch without edges.
 
+    The mean square slope of a wave is the square of its amplitude times the sum of a function of
+    its first number and one of its second number, so that sums over many waves are products of
+    matrices.
+
     Attributes
     ----------
     amplitudes : ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
         Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one [um].
-    squares : ndarray, shape of the amplitudes
-        Parts of the waves in the mean square slope, in an arbitrary unit.
     along, across : ndarray of int, shape (nx,) and (ny // 2 + 1,) or (ny,)
         Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
         periodic patch run the other way.
+    times_along, times_across : ndarray, shapes of along and across
+        Number of waves for which an amplitude stands, by axis: 2 if it stands also for the wave the
+        other way [1].
+    aspect : float
+        Second side of a cell over its first [1].
     is_periodic : bool
         Whether the patch is periodic.
     """
 
     amplitudes: NDArray[Any]  # complex or real
-    squares: Field
     along: Nodes
     across: Nodes
+    times_along: Values
+    times_across: Values
+    aspect: float
     is_periodic: bool
 
     @classmethod
@@ -515,13 +545,17 @@ class _Waves:
         from scipy import fft  # here, because few contacts need it
 
         rows, columns = heights.shape
-        amplitudes = fft.rfft2(heights, norm="forward")
-        along = np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp)
         across = np.arange(columns // 2 + 1)
-        times = np.where((across == 0) | (2 * across == columns), 1.0, 2.0)
-        numbers = np.add.outer((along / rows) ** 2, (across / columns / aspect) ** 2)
-        squares = numbers * times * (amplitudes.real**2 + amplitudes.imag**2)
-        return cls(amplitudes, squares, along, across, is_periodic=True)
+        stand_for_one = (across == 0) | (2 * across == columns)
+        return cls(
+            amplitudes=fft.rfft2(heights, norm="forward"),
+            along=np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp),
+            across=across,
+            times_along=np.ones(rows),
+            times_across=np.where(stand_for_one, 1.0, 2.0),
+            aspect=aspect,
+            is_periodic=True,
+        )
 
     @classmethod
     def mirrored(cls, heights: Field, aspect: float) -> _Waves:
@@ -529,13 +563,16 @@ class _Waves:
         from scipy import fft  # here, because few contacts need it
 
         rows, columns = heights.shape
-        amplitudes = fft.dctn(heights, norm="forward")
-        along, across = np.arange(rows), np.arange(columns)
-        # A cosine stands for two waves, one each way; a constant stands for itself.
-        times = np.outer(np.where(along == 0, 1.0, 2.0), np.where(across == 0, 1.0, 2.0))
-        numbers = np.add.outer((along / rows) ** 2, (across / columns / aspect) ** 2)
+        along = np.arange(rows)
+        across = np.arange(columns)
         return cls(
-            amplitudes, numbers * times * amplitudes**2, along, across, is_periodic=False
+            amplitudes=fft.dctn(heights, norm="forward"),
+            along=along,
+            across=across,
+            times_along=np.where(along == 0, 1.0, 2.0),
+            times_across=np.where(across == 0, 1.0, 2.0),
+            aspect=aspect,
+            is_periodic=False,
         )
 
     def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
@@ -558,12 +595,13 @@ class _Waves:
         half_waves = 2 if self.is_periodic else 1
         rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
         columns = np.flatnonzero(half_waves * self.across < nodes[1])
-        kept = np.ix_(rows, columns)
-        total = float(self.squares.sum())
-        share = float(self.squares[kept].sum()) / total if total > 0 else 1.0
+        kept = self.amplitudes[np.ix_(rows, columns)]
+        share = 1.0
+        if self._mean_square_slope > 0:
+            share = self._slope_of(kept, rows, columns) / self._mean_square_slope
         spectrum = (nodes[0], nodes[1] // 2 + 1) if self.is_periodic else nodes
         amplitudes = np.zeros(spectrum, dtype=self.amplitudes.dtype)
-        amplitudes[np.ix_(self.along[rows], self.across[columns])] = self.amplitudes[kept]
+        amplitudes[np.ix_(self.along[rows], self.across[columns])] = kept
         heights: Field
         if self.is_periodic:
             heights = fft.irfft2(amplitudes, s=nodes, norm="forward")
@@ -571,13 +609,41 @@ class _Waves:
             heights = fft.idctn(amplitudes, norm="forward")
         return np.ascontiguousarray(heights), max(1.0 - share, 0.0)
 
+    @computed_once
+    def _mean_square_slope(self) -> float:
+        """Mean square slope of all waves, in an arbitrary unit."""
+        rows, columns = self.amplitudes.shape
+        return self._slope_of(self.amplitudes, np.arange(rows), np.arange(columns))
+
+    def _slope_of(self, amplitudes: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
+        """Return the mean square slope of waves in the unit of `_mean_square_slope`.
+
+        `amplitudes` are those of the given rows and columns of all amplitudes [um].
+        """
+        squares = amplitudes.real**2
+        if self.is_periodic:  # amplitudes are complex
+            squares += amplitudes.imag**2
+        nodes_across = self.times_across.size
+        if self.is_periodic:
+            nodes_across = 2 * (nodes_across - 1)
+        slope_along = (self.along[rows] / self.along.size) ** 2
+        slope_across = (self.across[columns] / nodes_across / self.aspect) ** 2
+        times_along = self.times_along[rows]
+        times_across = self.times_across[columns]
+        weights = np.stack([times_across, times_across * slope_across], axis=1)
+        sums = squares @ weights
+        part_along = (times_along * slope_along) @ sums[:, 0]
+        part_across = times_along @ sums[:, 1]
+        return float(part_along + part_across)
+
 
 def _read_free(
     heights: Field, nodes: tuple[int, int], aspect: float
 ) -> tuple[Field, float]:
-    """Return a free surface at the centres of larger cells, by cubic splines.
+    """Return a free surface at the centres of larger cells.
 
-    What the coarser grid has not is the difference to the surface that is read back from it.
+    What the coarser grid has not is the difference to the surface that is read back from it by
+    cubic splines. It is measured on some lines of the map.
 
     Parameters
     ----------
@@ -601,18 +667,79 @@ def _read_free(
     for axis in (0, 1):
         step = heights.shape[axis] / nodes[axis]
         places.append((np.arange(nodes[axis]) + 0.5) * step - 0.5)
-        given = np.arange(heights.shape[axis], dtype=np.float64)
-        fewer = _splined(fewer, axis, given, places[axis])
-    window = heights
-    read_back = fewer
-    for axis in (0, 1):
-        first, last = places[axis][[0, -1]]
-        within = np.arange(math.ceil(first), math.floor(last) + 1)
-        window = window.take(within, axis)
-        read_back = _splined(read_back, axis, places[axis], within.astype(np.float64))
-    total = _mean_square_slope(window, aspect)
-    lost = _mean_square_slope(window - read_back, aspect)
+        fewer = _interpolated(fewer, axis, places[axis])
+    along = _squared_slopes_of_lines(heights, fewer, places)
+    across = _squared_slopes_of_lines(heights.T, fewer.T, places[::-1])
+    total = along.of_map + across.of_map / aspect**2
+    lost = along.of_difference + across.of_difference / aspect**2
     return np.ascontiguousarray(fewer), lost / total if total > 0 else 0.0
+
+
+def _interpolated(heights: Field, axis: int, places: Values) -> Field:
+    """Return heights at places [spacing] along an axis, by polynomials through nodes beside each.
+
+    Places at nodes give the heights of these nodes.
+    """
+    nodes = heights.shape[axis]
+    beside = min(NODES_BESIDE, nodes)
+    first = np.floor(places).astype(np.intp) - (beside // 2 - 1)
+    first = np.clip(first, 0, nodes - beside)
+    read_shape = list(heights.shape)
+    read_shape[axis] = places.size
+    read: Field = np.zeros(read_shape)
+    from_first = places - first
+    for node in range(beside):
+        weight = np.ones_like(places)
+        for other in range(beside):
+            if other != node:
+                weight *= (from_first - other) / (node - other)
+        nearest = heights.take(first + node, axis)
+        read += nearest * np.expand_dims(weight, 1 - axis)
+    return read
+
+
+@dataclass(frozen=True)
+class _SquaredSlopes:
+    """Mean squares of the slopes of lines along an axis [um2 / spacing2].
+
+    Attributes
+    ----------
+    of_map : float
+        Mean square slope of the map.
+    of_difference : float
+        Mean square slope of the map less the surface that is read back from fewer nodes.
+    """
+
+    of_map: float
+    of_difference: float
+
+
+def _squared_slopes_of_lines(
+    heights: Field, fewer: Field, places: list[Values]
+) -> _SquaredSlopes:
+    """Return mean square slopes along the first axis, on some lines of a map.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the map [um].
+    fewer : ndarray, shape (mx, my)
+        Heights at the places [um].
+    places : list of ndarray, shapes (mx,) and (my,)
+        Places of the fewer nodes along both axes [spacing].
+    """
+    first, last = places[1][[0, -1]]
+    within = np.arange(math.ceil(first), math.floor(last) + 1)
+    lines = within[:: max(1, within.size // LINES)]
+    first, last = places[0][[0, -1]]
+    window = slice(math.ceil(first), math.floor(last) + 1)
+    inner_nodes = np.arange(window.start, window.stop, dtype=np.float64)
+    map_lines = heights[window, lines]
+    read_back = _splined(fewer, 1, places[1], lines.astype(np.float64))
+    read_back = _splined(read_back, 0, places[0], inner_nodes)
+    slopes = np.diff(map_lines, axis=0)
+    differences = np.diff(map_lines - read_back, axis=0)
+    return _SquaredSlopes(float(np.mean(slopes**2)), float(np.mean(differences**2)))
 
 
 def _splined(heights: Field, axis: int, nodes: Values, places: Values) -> Field:
@@ -621,10 +748,3 @@ def _splined(heights: Field, axis: int, nodes: Values, places: Values) -> Field:
 
     read: Field = make_interp_spline(nodes, heights, 3, axis=axis)(places)
     return read
-
-
-def _mean_square_slope(heights: Field, aspect: float) -> float:
-    """Return the mean square slope between neighbouring nodes, in first sides of a cell."""
-    along = np.diff(heights, axis=0)
-    across = np.diff(heights, axis=1) / aspect
-    return float(np.mean(along**2)) + float(np.mean(across**2))

@@ -54,8 +54,8 @@ class Trial:
     reason : str
         Reason why the answers hold or do not hold, without a full stop.
     convolutions : float
-        Convolutions of the contact and of the coarser one that judges it, in convolutions on the
-        grid that was tried [1].
+        Convolutions of the contact and of the coarser ones that judge it and are no trials
+        themselves, in convolutions on the grid that was tried [1].
     work : float
         The same, in convolutions on the given map [1].
     """

@@ -207,19 +207,24 @@ class Contact:
         object.__setattr__(contact, "budget", budget)  # the class is frozen for its users
         return contact
 
-    def grid_error(self) -> GridError:
-        """Estimate the errors that the grid makes, by solving the same contact on a coarser one.
+    def grid_error(self, coarse: Contact | None = None) -> GridError:
+        """Estimate the errors that the grid makes, by solving the same contact on coarser ones.
 
-        The coarser grid has about every second node. Its contact is solved once; the answer is
-        kept. See `bem.derived.grid_error`.
+        The coarser grids have about every second and every fourth node. Their contacts are solved
+        once; the answer is kept. See `bem.derived.grid_error`.
+
+        Parameters
+        ----------
+        coarse : Contact, optional
+            The same contact on about every second node if it is known; by default it is solved.
 
         Returns
         -------
         GridError
-            Half-widths of 90 % bars of the answers, and whether the grid resolves the surface.
+            Half-widths of 90 % bars of the answers, and whether they hold.
         """
         if "grid_error" not in self._kept:
-            self._kept["grid_error"] = grid_error_of(self)
+            self._kept["grid_error"] = grid_error_of(self, coarse)
         return cast("GridError", self._kept["grid_error"])
 
     @computed_once

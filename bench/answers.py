@@ -17,7 +17,7 @@ Row = dict[str, str]
 """One line of a table: its texts by the names of the columns; empty texts are missing values."""
 
 NOT_OTHERS = {"bem", "paper's NNLS"}
-"""Names of the solvers in the comparisons with other solvers that are our own code."""
+"""Names of the solvers of our own code in the comparisons with other solvers."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
             if is_there(path):
                 rows += read_table(path)[1]
         answer = ""
-        # Tables of a short run may lack the rows of an answer.
+        # Tables of a short run may lack the rows of an answer, which raises one of these errors.
         with suppress(LookupError, ValueError):
             if rows:
                 answer = question.answer(rows)
@@ -96,9 +96,10 @@ def hertz(rows: list[Row]) -> str:
 
 
 def beside_others(case: str, rows: list[Row]) -> str:
-    """State the range of the time of the fastest other solver over our time.
+    """State how much longer than ours the fastest other solver takes.
 
-    The fastest other solver is chosen for each case; the range is over all cases.
+    The fastest other solver is chosen for each case. The answer has the lowest and the highest
+    ratio of its time to ours over all cases.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ def stability(rows: list[Row]) -> str:
 
 
 def growth(rows: list[Row]) -> str:
-    """State the largest growth of the number of convolutions from the smallest grid to the largest.
+    """State the largest factor by which convolutions grow from the smallest grid to the largest.
 
     Parameters
     ----------
@@ -226,8 +227,8 @@ def exactness(rows: list[Row]) -> str:
 def coverage(rows: list[Row]) -> str:
     """State for how many shifted populations and targets the intervals hold as promised.
 
-    Also state the smallest share of rows without a flag that the intervals cover. Populations in
-    which nearly all rows are flagged are only counted.
+    Also state the smallest coverage of rows without a flag. Of populations in which nearly all rows
+    are flagged, state only the number.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ LEVEL = 0.9
 """Share of further surfaces that have to be inside a band, 0 to 1."""
 
 ALLOWED = 3.0
-"""Largest difference of the mean share and the level with which a row passes, in percent points."""
+"""Largest difference between the mean share and the level that passes [percentage points]."""
 
 NUMBERS = (5, 10, 20, 50)
 """Numbers of surfaces that are drawn for a law."""
@@ -97,9 +97,10 @@ def bands(nodes: int, pool: int, draws: int) -> list[Row]:
     -------
     list of Row
         One row for each population, number of surfaces and quantity. Shares are in percent.
-        `inside_percent` is the mean over loads and draws; `least_percent` and `most_percent` are
-        the means over the draws at the loads where these are smallest and largest. A row passes if
-        `inside_percent` is within `ALLOWED` of the level.
+        `inside_percent` is the mean over loads and draws. `least_percent` and `most_percent` are
+        the smallest and the largest mean over the draws at a load. `by_quantiles_percent` is the
+        mean share between the quantiles of the drawn surfaces. A row passes if `inside_percent` is
+        within `ALLOWED` of the level.
 
     Raises
     ------
@@ -184,7 +185,7 @@ def pressed(population: Population) -> dict[str, Values]:
 
 
 def _rms_slope(population: Population) -> float:
-    """Return the root mean square slope of all surfaces, of both directions together [1]."""
+    """Return the root mean square of the modulus of the gradient, over all surfaces [1]."""
     squares = [
         np.mean(np.diff(heights, axis=axis) ** 2)
         for heights in population.surfaces
@@ -206,7 +207,7 @@ def judged(pool: Pool, number: int, draws: int) -> list[Row]:
     number : int
         Number of surfaces that are drawn for a law.
     draws : int
-        Number of draws. A call with the same numbers draws the same surfaces.
+        Number of draws. Calls with equal arguments draw the same surfaces.
 
     Returns
     -------

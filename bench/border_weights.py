@@ -23,10 +23,10 @@ from gen.arrays import Heights, Values
 # Seed of the random waves to which the weights of the product are fitted.
 SEED = 11
 
-# Amplitude of a single wave [side of the patch]. Each of two crossed waves has half of it.
+# Amplitude of a single wave [first side of the patch]. Each of two crossed waves has half of it.
 AMPLITUDE = 0.01
 
-# Nodes a wave of the grid that gives the area of crossed waves in the continuum.
+# Nodes a wave of the grid on which the exact area of crossed waves is computed.
 FINE_NODES = 128
 
 # Phases of the waves on the fine grid [rad]: any values for which the crests are between nodes.
@@ -40,7 +40,7 @@ MOST_NODES = 260
 # Names of the terms of an edge; each has a column of `WEIGHTS`.
 TERMS = ("one", "f", "pressure ratio", "gap ratio")
 
-# Share of the waves that are along an axis or the diagonal [1]. Random angles rarely are.
+# Share of the waves that are set along an axis or the diagonal [1]. Random angles rarely are there.
 ON_THE_GRID = 0.2
 
 # Number of waves between two remarks on the progress.
@@ -49,7 +49,7 @@ PROGRESS = 500
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """One wave, or two that cross at a right angle, on a periodic square patch under a load.
+    """One wave, or two that cross at a right angle, on a periodic patch under a load.
 
     Attributes
     ----------
@@ -63,6 +63,8 @@ class Wave:
         Mean pressure over that of full contact of a single wave with `AMPLITUDE` [1].
     shape : tuple of int
         Nodes (nx, ny) of the grid.
+    length : float
+        Second side of the patch over its first; waves that cross need a square patch, 1.
     """
 
     periods: tuple[int, int]
@@ -70,10 +72,11 @@ class Wave:
     crossed: bool
     load: float
     shape: tuple[int, int]
+    length: float = 1.0
 
     @property
     def heights(self) -> Heights:
-        """Heights at the nodes, (nx, ny) [side of the patch]."""
+        """Heights at the nodes, (nx, ny) [first side of the patch]."""
         x, y = (2 * np.pi * np.arange(nodes) / nodes for nodes in self.shape)
         along, across = self.periods
         first = np.cos(np.add.outer(along * x, across * y) + self.phases[0])
@@ -83,17 +86,18 @@ class Wave:
         return np.asarray(AMPLITUDE / 2 * (first + second))
 
     def pressed(self) -> bem.Contact:
-        """Solve the contact, with lengths in sides of the patch and E* = 1.
+        """Solve the contact, with lengths in first sides of the patch and E* = 1.
 
         Returns
         -------
         bem.Contact
             The contact.
         """
-        full_contact = np.pi * AMPLITUDE * np.hypot(*self.periods)
+        along, across = self.periods
+        full_contact = np.pi * AMPLITUDE * np.hypot(along, across / self.length)
         return bem.solve(
             self.heights,
-            (1.0, 1.0),
+            (1.0, self.length),
             pressure=self.load * full_contact,
             boundary="periodic",
             threads=1,
@@ -125,11 +129,13 @@ class Sample:
     Attributes
     ----------
     sums : ndarray, shape (12,)
-        Sum over all edges for each weight, in the order of `WEIGHTS.ravel()` [1].
+        Sum over all edges of the factor of each weight, in the order of `WEIGHTS.ravel()` [1].
     excess : float
         Number of nodes in contact less the area in the continuum [cells].
     exact : float
         Area in the continuum [cells].
+    edges : int
+        Number of edges between contact and gap.
     crossed : bool
         Whether the contact is that of crossed waves.
     """
@@ -137,12 +143,8 @@ class Sample:
     sums: Values
     excess: float
     exact: float
+    edges: int
     crossed: bool
-
-    @property
-    def edges(self) -> float:
-        """Number of edges between contact and gap."""
-        return float(self.sums.reshape(WEIGHTS.shape)[:, 0].sum())
 
     def error_percent(self, weights: Values) -> float:
         """Return the error of the area that results from some weights.
@@ -160,7 +162,7 @@ class Sample:
         return 100 * float(self.excess - self.sums @ weights) / self.exact
 
 
-def border_weights(waves: int, aspect: float) -> Report:
+def border_weights(waves: int, aspect: float, length: float) -> Report:
     """Fit the weights of the border to regular waves, and measure the errors of areas with them.
 
     Prints the progress on standard error.
@@ -171,6 +173,9 @@ def border_weights(waves: int, aspect: float) -> Report:
         Number of contacts, at least as many as there are weights.
     aspect : float
         Second side of a cell over its first [1].
+    length : float
+        Second side of the patch over its first [1]. On patches that are not square, all waves are
+        single ones.
 
     Returns
     -------
@@ -179,7 +184,7 @@ def border_weights(waves: int, aspect: float) -> Report:
         `border-areas` with the errors of the areas.
     """
     random = np.random.default_rng(SEED)
-    samples = list(_samples(waves, aspect, random))
+    samples = list(_samples(waves, aspect, length, random))
     fitted, deviations = _fit(samples)
     product = WEIGHTS.ravel()
     weights = []
@@ -193,18 +198,24 @@ def border_weights(waves: int, aspect: float) -> Report:
             "difference_percent": 100 * (fitted[place] / product[place] - 1),
         }
         weights.append(row)
-    areas = [
-        _errors("single waves", [item for item in samples if not item.crossed], fitted),
-        _errors("crossed waves", [item for item in samples if item.crossed], fitted),
-    ]
+    areas = []
+    for kind, crossed in (("single waves", False), ("crossed waves", True)):
+        of_kind = [sample for sample in samples if sample.crossed == crossed]
+        if of_kind:
+            areas.append(_errors(kind, of_kind, fitted))
     return Report({"border-weights": weights, "border-areas": areas})
 
 
-def _samples(waves: int, aspect: float, random: np.random.Generator) -> Iterator[Sample]:
-    """Yield `waves` samples of random waves; contacts without a border are not among them."""
+def _samples(
+    waves: int, aspect: float, length: float, random: np.random.Generator
+) -> Iterator[Sample]:
+    """Yield `waves` samples of random waves, and remark on the progress.
+
+    Waves without a grid, and contacts without a border, are replaced by further draws.
+    """
     done = 0
     while done < waves:
-        wave = _draw_wave(aspect, random)
+        wave = _draw_wave(aspect, length, random)
         if wave is None:  # its grid is too small or too large
             continue
         contact = wave.pressed()
@@ -217,47 +228,57 @@ def _samples(waves: int, aspect: float, random: np.random.Generator) -> Iterator
             remark(f"{done} of {waves} waves")
 
 
-def _draw_wave(aspect: float, random: np.random.Generator) -> Wave | None:
-    """Draw a wave on a grid with cells of about this aspect.
+def _draw_wave(aspect: float, length: float, random: np.random.Generator) -> Wave | None:
+    """Draw a wave on a patch of the sides 1 and `length`, with cells of about this aspect.
 
-    The result is None if the grid has too many nodes or too few. Another order of the draws below
-    would change the fitted weights, by about their standard deviations.
+    Return None if the grid has too many nodes or too few. The state of `random` moves. Another
+    order of the draws below would change the fitted weights, by about their standard deviations.
     """
-    crossed = bool(random.random() < 0.5)
+    crossed = bool(random.random() < 0.5) and length == 1
     size = random.uniform(2, 12)  # periods a side
     angle = random.uniform(0, np.pi / 2)
     if random.random() < ON_THE_GRID:
         angle = np.pi / 4 * random.integers(3)
     periods = round(size * np.cos(angle)), round(size * np.sin(angle))
     nodes_a_wave = np.exp(random.uniform(np.log(3), np.log(64)))
-    shape = _shape(round(np.hypot(*periods) * nodes_a_wave), aspect)
+    shape = _shape(round(np.hypot(*periods) * nodes_a_wave), aspect / length)
     if not FEWEST_NODES <= math.sqrt(shape[0] * shape[1]) <= MOST_NODES:
         return None
     load = float(np.exp(random.uniform(np.log(0.003), np.log(0.85))))
     if not crossed:  # the area of single waves rises with the root of the load
         load = random.uniform(0.02, 0.85)
     phases = random.uniform(0, 2 * np.pi, 2)
-    return Wave(periods=periods, phases=phases, crossed=crossed, load=load, shape=shape)
+    return Wave(
+        periods=periods,
+        phases=phases,
+        crossed=crossed,
+        load=load,
+        shape=shape,
+        length=length,
+    )
 
 
-def _shape(nodes: int, aspect: float) -> tuple[int, int]:
-    """Return the nodes (nx, ny) of a square patch with `nodes` along its coarser axis.
+def _shape(nodes: int, ratio: float) -> tuple[int, int]:
+    """Return the nodes (nx, ny) of a patch with `nodes` along its coarser axis.
 
-    `aspect` is the second side of a cell over the first.
+    `ratio` is the number of nodes along the first axis over the number along the second.
     """
-    return round(nodes * max(aspect, 1.0)), round(nodes * max(1 / aspect, 1.0))
+    return round(nodes * max(ratio, 1.0)), round(nodes * max(1 / ratio, 1.0))
 
 
 def _sample(contact: bem.Contact, exact_percent: float, *, crossed: bool) -> Sample:
     """Return the equation of a contact, whose area in the continuum is `exact_percent` [%]."""
     sums = np.zeros_like(WEIGHTS)
+    number = 0
     for edges in border_edges(contact.problem, contact.pressure, contact.gap, None):
-        np.add.at(sums, edges.aligned, edges.terms)
+        sums += edges.row_factors().T @ edges.terms
+        number += len(edges.terms)
     exact = exact_percent / 100 * contact.pressure.size
     return Sample(
         sums=sums.ravel(),
         excess=contact.contact_nodes - exact,
         exact=exact,
+        edges=number,
         crossed=crossed,
     )
 

@@ -89,7 +89,8 @@ DECK = Path(__file__).with_name("two-blocks.inp")
 """Input of two blocks that are pressed on each other in one step, as the manual shows it."""
 
 DOWN = "TOP, 3, 3, -0.001"
-"""Line of `DECK` that sets the displacement of the top [mm]; each step replaces the number."""
+"""Line of `DECK` that sets the displacement of the top [mm]; `pressed` replaces its number in each
+step."""
 
 LINES = 5
 """Number of lines of numbers that CalculiX prints for each step."""
@@ -162,8 +163,9 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
     rows: list[Row] = []
     for step, law_row in enumerate(law):
         first = LINES * step
-        # A node on the lower and one on the upper face: their displacements [mm], then their
-        # temperatures [K]. A line about a node begins with its number. Last is the force [N].
+        # `low` and `high` are the displacements [mm] of a node on the lower and on the upper face,
+        # `cold` and `warm` their temperatures [K]. These lines begin with the number of the node.
+        # The last line is the force on the contact [N].
         low, high, cold, warm, force = lines[first : first + LINES]
         flux = CONDUCTIVITY * (HOT - warm[1])  # through the upper block of 1 mm [mW/mm2]
         conductance = 1e3 * law_row["conductance_W_per_mm2_K"]  # [mW/(mm2 K)]
@@ -190,8 +192,8 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
 def calculix(folder: Path) -> Report:
     """Make the law of each surface and hardness, and press blocks with it in CalculiX.
 
-    Writes the files of each law and of CalculiX into a folder of their own below `folder/decks`,
-    and prints the progress on standard error.
+    Each law has its own folder below `folder/decks`, with the files of the law and of CalculiX.
+    Progress is printed on standard error.
 
     Parameters
     ----------
@@ -227,7 +229,8 @@ def calculix(folder: Path) -> Report:
 def _table_row(surface: LawSurface, hardness: float | None, step: Row) -> Row:
     """Return a row of the table: surface, hardness [MPa], the row of `pressed`, and the verdict.
 
-    The hardness is "" for elastic bodies. The verdict is "passed" or "failed".
+    The hardness is "" for elastic bodies. The verdict is "passed" if all differences from the law
+    are at most `ALLOWED`, else "failed".
     """
     differences = [abs(step[f"{name}_off"]) for name in QUANTITIES]
     is_near = all(difference <= ALLOWED for difference in differences)

@@ -177,6 +177,7 @@ def add(part: Part) -> None:
     """
 
     def command(output: Path | None, **values: Any) -> int:
+        """Make the report with the values of its options, and return the exit code."""
         return _make_report(part, output, values)
 
     parameters = [_output_parameter(part)]
@@ -221,8 +222,8 @@ def _output_parameter(part: Part) -> inspect.Parameter:
 def _parameter(name: str, description: Mapping[str, Any]) -> inspect.Parameter:
     """Return an option or argument of a command from its description; see `Part.options`.
 
-    Its value is a path, or has the type of the default. The user gives a list as a text with
-    commas.
+    Its value is a path if the description has the key `path`, else it has the type of the default.
+    A list is given as a text with commas, which `_parsed` splits.
     """
     settings = {
         key: description[key]

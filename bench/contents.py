@@ -135,7 +135,7 @@ def _contents_of_entry(entry: Mapping[str, Any], folder: Path) -> list[Content]:
 
 
 def _figure(entry: Mapping[str, Any], folder: Path, path: Path) -> Figure:
-    """Return the figure of a picture, with those tables behind it whose files exist."""
+    """Return the figure of a picture, with the tables that it is drawn from whose files exist."""
     data = [folder / name for name in entry.get("data", ())]
     return Figure(
         picture=path,
@@ -155,7 +155,10 @@ def _table(entry: Mapping[str, Any], path: Path) -> Table:
 
 
 def _words(entry: Mapping[str, Any], path: Path) -> list[Words]:
-    """Return the words of a text file: one for a printed text, otherwise one for each line."""
+    """Return the words of a text file: one item for a printed text, else one for each line.
+
+    Raises InputError if the file cannot be read.
+    """
     text = content_of(path).decode()
     if entry.get("typed", False):
         return [Words(text, typed=True)]
@@ -241,8 +244,8 @@ def cell(text: str) -> Cell:
     Returns
     -------
     Cell
-        A number with `DIGITS` significant digits, but a whole number below 1e7 with all of its
-        digits; or any other text unchanged. An empty text is a missing number.
+        A number with `DIGITS` significant digits; whole numbers below 1e7 keep all of their digits.
+        A text that is no number is unchanged. An empty text is a missing number.
     """
     if text in SPECIAL:
         return Cell(text=SPECIAL[text], number=True)

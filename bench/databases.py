@@ -16,8 +16,8 @@ PAPER = "paper"
 """Name of the paper preset."""
 
 OTHER_SEED = 2026
-"""Seed of databases that test surrogates. With the seed of the preset, their surfaces would be
-those of the training."""
+"""Seed of databases that test surrogates. With the preset's own seed, surrogates would be tested on
+the surfaces that trained them."""
 
 
 def generated(folder: Path, name: str, text: str) -> Path:
@@ -62,7 +62,10 @@ def generated(folder: Path, name: str, text: str) -> Path:
 
 
 def _is_complete(path: Path, scene: Scene) -> bool:
-    """Say whether no row of a database is pending; raise InputError if it is of another scene."""
+    """Return whether no row of a database is pending.
+
+    Raises InputError if it is a database of another scene.
+    """
     with Reader(path) as reader:
         if reader.scene.fingerprint() != scene.fingerprint():
             raise InputError(

@@ -1,9 +1,9 @@
 """The measurement from which the default tolerance of the solver, `bem.problem.RTOL`, was chosen.
 
 Samples of the paper preset are solved with falling tolerances, and with a far tighter one, whose
-solutions count as exact. A tolerance is right if the number of nodes in contact, and so the area,
-is exact in at least `RIGHT_PERCENT` of the samples. The default is the loosest tolerance that is
-right together with all tighter ones.
+solutions are taken as exact. A tolerance is right if the number of nodes in contact, and so the
+area, is exact in at least `RIGHT_PERCENT` of the samples. The default is the loosest tolerance that
+is right together with all tighter ones.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from gen.scene import Scene, load
 # Tolerances that are compared, from loose to tight [Delta].
 LADDER = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, RTOL, 1e-7, 1e-8)
 
-# Tolerance of the solution that counts as exact [Delta].
+# Tolerance of the solution that is taken as exact [Delta].
 EXACT_RTOL = 1e-12
 
 # Smallest share of the samples with the exact number of nodes in contact [%].
@@ -100,7 +100,11 @@ def _solve(scene: Scene, heights: Heights, delta: float, rtol: float) -> Solved:
 
 
 def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved]) -> Row:
-    """Return the row of a tolerance: errors over all samples, and mean number of convolutions."""
+    """Return the row of a tolerance: errors over all samples, and mean number of convolutions.
+
+    `solutions` and `exact` have one result for each sample. A sample is wrong if its number of
+    nodes in contact differs.
+    """
     pairs = list(zip(solutions, exact, strict=True))
     misses = [abs(solution.nodes - right.nodes) for solution, right in pairs]
     forces = [

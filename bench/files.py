@@ -22,7 +22,7 @@ HOME = Path(__file__).parent
 """Folder of this package, which has its TOML files."""
 
 SIGNIFICANT_DIGITS = 7
-"""Significant digits of the floats in a written table: more than two measurements agree in."""
+"""Significant digits of the floats in a written table. Two measurements agree in fewer digits."""
 
 COMPRESSED = ".xz"
 """Suffix that is added to the name of a compressed file. The program `unxz` decompresses it."""
@@ -65,7 +65,7 @@ def content_of(path: Path) -> bytes:
 
 
 def is_there(path: Path) -> bool:
-    """Say whether a file exists, as it is or compressed.
+    """Return whether a file exists, as it is or compressed.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
     Path
         The written file.
     """
-    rows = list(rows)
+    rows = list(rows)  # an iterator could be read only once
     lines = StringIO(newline="")
     writer = csv.writer(lines)
     writer.writerow(rows[0])

@@ -93,8 +93,9 @@ class Bar:
 class Judgement:
     """The bars of one contact, with the true errors."""
 
-    resolved: bool  # whether the contact calls its grid resolved
-    # Bars by the name of the answer, without answers that are zero or infinite.
+    resolved: bool  # whether the contact says that the bar of its area holds
+    # Bars by the name of the answer, without answers that are zero or infinite, and without those
+    # of which the contact says that their bars do not hold.
     bars: dict[str, Bar]
 
 
@@ -229,12 +230,13 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judgement:
         values[DELTA.name] = (contact.delta, exact.delta)
     bars: dict[str, Bar] = {}
     for name, (value, truth) in values.items():
-        if value and math.isfinite(value) and math.isfinite(truth):
+        holds = estimate.verdicts[name.removesuffix("_percent")]
+        if holds and value and math.isfinite(value) and math.isfinite(truth):
             bars[name] = Bar(
                 error=abs(value - truth) / abs(value),
                 bar=getattr(estimate, name) / abs(value) + SOLVER_ERROR,
             )
-    return Judgement(resolved=estimate.resolved, bars=bars)
+    return Judgement(resolved=estimate.verdicts["area"], bars=bars)
 
 
 def _finer(nodes: int, nodes_a_wave: float) -> int:

@@ -1,9 +1,9 @@
 """How the cost of a solve grows with the grid, and how area and mean pressure depend on the grid.
 
 Nested surfaces, each with half the spacing of the coarser one, are pressed until the same share of
-their nodes is in contact. Convolutions are counted without dense algebra. With it, small grids
-would need fewer, because only they have few enough nodes in contact, and this would look like
-growth.
+their nodes is in contact. Convolutions are counted without dense algebra. It would save
+convolutions on small grids alone, which have few nodes in contact, so that the number would seem to
+grow.
 
 Then the same surfaces are pressed by the same mean pressure. Slopes grow whenever the spacing is
 halved, so that the elastic area falls, until a hardness limits the pressure.
@@ -106,8 +106,7 @@ def cost(
     Returns
     -------
     list of Row
-        One row for each share and grid, with the values of `_solve` averaged over the surfaces.
-        Of `padded_arrays`, the memory, it is the maximum. `growth` is the factor by which the
+     is the factor by which the
         convolutions grow for each doubling of the cells a side, averaged since the coarsest grid.
     """
     rows: list[Row] = []
@@ -194,7 +193,8 @@ def surface(nodes: int, seed: int) -> Heights:
 def displacement_at(nodes: int, seed: int, percent: float) -> float:
     """Estimate the Delta that brings a share of the nodes into contact.
 
-    It is solved for on two small grids. Their ratio is assumed for each further doubling.
+    Delta is found on two small grids. The ratio of both is assumed for each further doubling of the
+    cells a side.
 
     Parameters
     ----------
@@ -212,6 +212,7 @@ def displacement_at(nodes: int, seed: int, percent: float) -> float:
     """
 
     def excess(delta: float, heights: Heights) -> float:
+        """Return the share in contact at a Delta [um] less the wanted share [%]."""
         return bem.solve(heights, SIDE, delta, rtol=SEEKING_RTOL).area_percent - percent
 
     deltas = []
@@ -227,9 +228,9 @@ def displacement_at(nodes: int, seed: int, percent: float) -> float:
 def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
     """Return area [%], convolutions, time [s], and the memory of a solve, by column names.
 
-    The memory is over that of a padded field of doubles. It is measured in the first solve, which
-    makes tables and plans, and the time in the second one. If this solve used dense algebra, a
-    third one without it has area and convolutions.
+    The memory is divided by that of a padded field of doubles. It is the peak of the first solve,
+    which makes tables and plans. The time is that of the second solve. Area and convolutions are of
+    the second solve too, or of a third one without dense algebra if the second one used it.
     """
     heights = surface(nodes, seed)
     delta = displacement_at(nodes, seed, percent)
@@ -242,7 +243,7 @@ def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
     began = time.perf_counter()
     contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     seconds = time.perf_counter() - began
-    # The largest number of nodes in contact for which the solver uses dense algebra.
+    # `FEW_FREE` bounds the number of nodes in contact for which the solver uses dense algebra.
     ((factor, power),) = patch.FEW_FREE
     most_for_dense = factor * heights.size**power
     if contact.contact_nodes <= most_for_dense:

@@ -39,7 +39,7 @@ BLUR = 4
 
 @dataclass(frozen=True)
 class Faults:
-    """The tilt, noise and faults that an instrument adds to a map."""
+    """The tilt and the faults that an instrument adds to a map."""
 
     spikes: int = 0  # number of single nodes that are far above the surface
     holes: int = 0  # number of round patches without heights, which may overlap
@@ -219,7 +219,7 @@ def write_all(folder: Path, maps: Iterable[MadeMap] | None = None) -> list[Path]
 
 
 def _random(description: MadeMap, *key: int) -> np.random.Generator:
-    """Return a source of random numbers that depend on kind and number of a map, and on a key."""
+    """Return a random generator, seeded by the kind and number of a map and by further words."""
     words = (list(KINDS).index(description.kind), description.number, *key)
     seed = np.random.SeedSequence(SEED, spawn_key=words)
     return np.random.Generator(np.random.PCG64(seed))
@@ -288,14 +288,20 @@ def _turned(description: MadeMap, random: np.random.Generator) -> Heights:
 
 
 def _ground(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return long scratches of grains: waves along y are 12 times as long as waves along x."""
+    """Return the heights of a ground surface: scratches along y on a finer isotropic roughness.
+
+    The waves of the scratches are 12 times as long along y as along x.
+    """
     scratches = _self_affine(description, random, description.length, 0.7, stretch=1 / 12)
     rough = _self_affine(description, random, description.length / 4, 0.7)
     return np.asarray(scratches + 0.15 * rough)
 
 
 def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return overlapping craters that grains have made, round bowls of random diameters."""
+    """Return the heights of a sandblasted surface: overlapping round craters of random diameters.
+
+    An isotropic roughness is added.
+    """
     heights = np.zeros(description.shape)
     nx, ny = description.shape
     dx, dy = description.spacing
@@ -320,7 +326,7 @@ def _sandblasted(description: MadeMap, random: np.random.Generator) -> Heights:
 
 
 def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
-    """Return a fine plateau with deep grooves in two directions that cross."""
+    """Return the heights of a honed surface: a fine plateau with deep grooves that cross."""
     x, y = _coordinates(description)
     heights = 0.35 * _self_affine(description, random, description.length / 2, 0.6)
     angle = np.radians(random.uniform(25, 40))
@@ -328,6 +334,7 @@ def _honed(description: MadeMap, random: np.random.Generator) -> Heights:
         across = x * np.cos(direction) + y * np.sin(direction)
         low = float(across.min())
         high = float(across.max())
+        # The mean distance of the grooves of a direction is `description.length`.
         for _ in range(int((high - low) / description.length)):
             centre = random.uniform(low, high)
             width = random.uniform(0.06, 0.16) * description.length

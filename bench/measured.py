@@ -61,8 +61,8 @@ def benchmarks(only: str) -> Report:
 def _row(benchmark: dict[str, Any]) -> Row:
     """Return the row of a benchmark from its entry in the file of pytest-benchmark.
 
-    The spread is the interquartile range. Further numbers of the benchmark are a text in column
-    `more`.
+    Times are in ms. The spread is the interquartile range. Columns `convolutions` and `residual`
+    are "" if the benchmark records none. Its other numbers are a text in column `more`.
     """
     case = _case(benchmark["name"], benchmark.get("params") or {})
     stats = benchmark["stats"]
@@ -90,7 +90,7 @@ def _short(value: Any) -> str:
 class _BenchmarkCase:
     """The work that a benchmark times."""
 
-    name: str  # name with the parameters but for the size, as "solve at contact: 50"
+    name: str  # name with all parameters except the size, as "solve at contact: 50"
     size: str  # one of `SIZES`, or empty if the benchmark has none
 
 
@@ -113,7 +113,7 @@ def _case(name: str, params: dict[str, Any]) -> _BenchmarkCase:
 
 
 def _size_among(values: str) -> str:
-    """Return the first of `SIZES` among values that hyphens separate; empty if there is none."""
+    """Return the first of `SIZES` that is among values with hyphens between them, else ""."""
     parts = values.split("-")
     for size in SIZES:
         if size in parts:
@@ -134,8 +134,8 @@ def models(comparison: Path) -> list[Row]:
     list of Row
         A row for each model and result (`baseline` or `tuned`), in the order of Table 4: nMAE and
         R2 [%], and the times of `TIMES` [s], None where there is none. Column `front` has the kinds
-        of time ("predict", "fit" and "search", with blanks between them) of which no other row is
-        better in both error and time.
+        of time ("predict", "fit" and "search", with blanks between them) for which no other row has
+        both a smaller error and a shorter time.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def _rows_of_models(comparison: Path) -> list[Row]:
 
 
 def front(rows: Iterable[Row], time: str) -> list[Row]:
-    """Return the rows that no other row beats in both error and a time.
+    """Return the Pareto front of error and time: rows that no other row beats in both.
 
     Parameters
     ----------

@@ -49,9 +49,9 @@ GRADED = 256
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
-    """Make an empty figure whose curves have `COLOURS`.
+    """Make an empty figure whose curves have the colours `COLOURS`.
 
-    This also sets matplotlib's cycle of colours for all later figures.
+    This also sets matplotlib's cycle of colours for all later figures of the process.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def save(figure: Any, path: Path) -> Path:
 
     drawn = BytesIO()
     figure.savefig(drawn, dpi=DPI, format="png")
-    # Matplotlib labels the axes of a colour bar so.
+    # Matplotlib gives this label to the axes of a colour bar.
     has_colour_bar = any(axis.get_label() == "<colorbar>" for axis in figure.axes)
     colours = GRADED if has_colour_bar else PALETTE
     image = Image.open(drawn).convert("RGB")
@@ -183,9 +183,9 @@ def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
 
 
 def _draw_legend(figure: Any, axes: Any, place: Any) -> None:
-    """Name the curves at the place that the key `legend` of a figure says; see `draw`.
+    """Name the curves of a figure at a place.
 
-    `axes` has the panels, shape (down, across).
+    `place` is the value of the key `legend` of `draw`. `axes` has the panels, shape (down, across).
     """
     if place == "figure":
         curves = axes[0, 0].get_legend_handles_labels()  # all panels have the same curves
@@ -273,7 +273,7 @@ def _drawable(panel: Mapping[str, Any], rows: Sequence[Row]) -> list[Row]:
 
 
 def _draw_dots(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
-    """Draw each row as a dot with the colour of its value in a column, and a colour bar."""
+    """Draw a dot for each row in the colour of its value in column `colour`, and a colour bar."""
     colour = panel["colour"]
     dots = axis.scatter(
         [row[panel["x"]] for row in rows],
@@ -338,6 +338,7 @@ def _draw_curve(
     """
 
     def column(column_name: str) -> list[Any]:
+        """Return the values of a column, one for each row."""
         return [row[column_name] for row in rows]
 
     x = column(panel["x"])

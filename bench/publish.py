@@ -21,7 +21,7 @@ LARGE = 200_000
 """Size from which a table is compressed [byte]."""
 
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
-"""Suffixes of the files that are published. Of pictures only those that a report shows are."""
+"""Suffixes of the files that are published, besides the pictures that a report shows."""
 
 LEFT_OUT = frozenset({*FOLDERS_OF_RESULTS, "databases", "decks", "maps", "predictions"})
 """Names of folders inside the folder of a part that are not published."""
@@ -34,7 +34,7 @@ class PartsOfFolder:
     folder: Path  # the folder in the run, or that of the comparison
     published: Path  # the same folder among the published results
     parts: list[Part]
-    finished: list[Part]  # those of the parts that were made
+    finished: list[Part]  # the parts of this list that were made and finished
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
@@ -97,7 +97,10 @@ def _require_apart(folders: Sequence[Path], target: Path) -> None:
 def _parts_of_folder(
     folder: Path, parts: list[Part], inputs: Inputs, target: Path
 ) -> PartsOfFolder:
-    """Return the parts of a folder; raise InputError if one of them was not finished."""
+    """Return the parts of a folder and of them the finished ones.
+
+    Raises InputError if one of them was made but not finished.
+    """
     return PartsOfFolder(
         folder=folder,
         published=target / (parts[0].folder or parts[0].name),
@@ -107,7 +110,10 @@ def _parts_of_folder(
 
 
 def _is_finished(part: Part, inputs: Inputs) -> bool:
-    """Say whether a part was made; raise InputError if it was made but failed before its end."""
+    """Return whether a part was made.
+
+    Raises InputError if it was made but not finished.
+    """
     path = inputs.path(part)
     record = read(path)
     if record is None:
@@ -179,7 +185,7 @@ def _shown_pictures(folder: PartsOfFolder) -> set[Path]:
 
 
 def _is_result(path: Path) -> bool:
-    """Say whether a file is a table, words or a record of a part.
+    """Return whether a file is a table, words or a record of a part.
 
     The printed output of a command is not a result, nor is the list of the rows of a comparison.
     """

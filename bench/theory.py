@@ -5,8 +5,8 @@ paper's two grids, beside the closed form, for E* = 1 MPa. The displacement is m
 of the paraboloid, which on an even number of nodes is a little above the highest node.
 
 `theory` presses surfaces with a power spectrum by rising loads, beside Persson's theory. All its
-results are dimensionless: pressures are over E* h', with the rms slope h' (the rms of the
-gradient's modulus); lengths are over the rms height.
+results are dimensionless. Pressures are divided by E* h', with the rms slope h' (the rms of the
+gradient's modulus), and lengths by the rms height.
 
 `conductance` presses these surfaces on bodies that yield, beside Cooper, Mikic and Yovanovich:
 h = 1.25 k (m / sigma) (p / H)^0.95. Here sigma is the rms height, and m the mean absolute slope of
@@ -144,7 +144,7 @@ SOFT = 0.1
 """Hardness in table `conductance`, at which nearly all of the contact yields [E* h']."""
 
 LIGHT = np.geomspace(0.003, 0.1, 8)
-"""Mean pressures on bodies that yield, over their hardness [1]."""
+"""Mean pressures on bodies that yield, divided by their hardness [1]."""
 
 STEP = 1.03
 """Ratio of two loads about each pressure; the contacts under them give the stiffness [1]."""
@@ -217,8 +217,9 @@ def conductance(heights: Sequence[Heights]) -> list[Row]:
     rms_heights = np.array([surface.std() for surface in heights])
     # The conductance of an interface is proportional to its stiffness: h = k S / (E* area).
     mean_slope = RMS_SLOPE / math.sqrt(math.pi)
-    unit = mean_slope * SIDE**2 * len(heights)  # the last factor makes the sum a mean
-    measured = rms_heights @ stiffnesses / unit
+    unit = mean_slope * SIDE**2
+    # The product is a sum over the surfaces; dividing by their number makes it a mean.
+    measured = rms_heights @ stiffnesses / (unit * len(heights))
     expected = 1.25 * LIGHT**0.95
     exponent, _ = np.polyfit(np.log(LIGHT), np.log(measured), 1)
     return [
@@ -257,7 +258,8 @@ def press(heights: Heights) -> Values:
     """Press a surface by the mean pressures `PRESSURES`, for E* = 1 MPa.
 
     Each pressure is the geometric mean of two loads. Areas and mean gaps are means of both
-    contacts. The compliance is minus the difference of their mean gaps over that of their loads.
+    contacts. The compliance is minus the difference of the two mean gaps over the difference of the
+    two loads.
 
     Parameters
     ----------
@@ -332,9 +334,10 @@ def nayak(interface: PerssonInterface) -> float:
 
 
 def _rows(heights: Sequence[Heights], interface: PerssonInterface) -> list[Row]:
-    """Return a row for each of `PRESSURES`: means over surfaces [um], beside Persson's interface.
+    """Return a row for each of `PRESSURES`: means over the surfaces, beside Persson's interface.
 
-    All columns are dimensionless or in per cent, as the module says.
+    `heights` are in um. Areas are in per cent; the other columns are dimensionless, as the module
+    says.
     """
     measured = np.mean([press(surface) for surface in heights], axis=0)
     area, continuum_area, mean_gap, compliance = measured

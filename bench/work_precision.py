@@ -35,9 +35,10 @@ PEER_RTOL = 1e-8
 
 
 def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None:
-    """Solve a case with a tolerance, and return a row with the setting, the cost and the errors.
+    """Solve a case with a tolerance; return a row with the setting, the cost and the errors.
 
-    If the solver fails, the failure is printed on standard error, and the result is None.
+    `rtol` is the tolerance as the solver defines it. If the solver fails, print the failure on
+    standard error and return None.
     """
     try:
         answer = solver.solve(case, rtol)

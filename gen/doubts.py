@@ -242,8 +242,8 @@ def steep_slopes(slope: float, apart: float, where: str = "") -> str:
     apart : float
         Distance of neighbouring nodes [um].
     where : str
-        Part of the sentence that says for which rows this holds, with the comma before it, as
-        ", above 1 in 7 of 9 rows", which means a slope above 1 in 7 rows; "" for a single surface.
+        Part of the sentence that says in how many rows the slope is above a limit, with the comma
+        before it, as ", above 1 in 7 of 9 rows"; "" for a single surface.
 
     Returns
     -------
@@ -292,7 +292,7 @@ def contact_doubts(
     """
     doubts: list[str] = []
     largest = max(contact.largest_pressure for contact in solved)
-    # What a force or a pressure does depends on E*, which is 1 MPa if the user gave none.
+    # The effect of a force or a pressure depends on E*, which is 1 MPa if the user gave no modulus.
     unscaled = load != "delta" and not bodies.has_modulus
     full = [contact.delta for contact in solved if contact.contact_nodes == heights.size]
     if full:

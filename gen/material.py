@@ -76,7 +76,7 @@ class Gas(NamedTuple):
 
     @property
     def by_keys(self) -> dict[str, float]:
-        """Both numbers by their keys in documents, which end with the unit."""
+        """Conductivity and jump distance by their keys in documents, which end with the unit."""
         return {
             "gas_conductivity_W_per_m_K": self.conductivity,
             "gas_jump_distance_um": self.jump_distance,
@@ -416,4 +416,6 @@ def combined_modulus(
         require_within("--young", modulus, "MPa", "the modulus")
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
-    return 1 / sum(1 / (e / (1 - nu**2)) for e, nu in zip(moduli, ratios, strict=True))
+    # 1 / E1*, and 1 / E2* if there is a second elastic body.
+    inverses = [1 / (e / (1 - nu**2)) for e, nu in zip(moduli, ratios, strict=True)]
+    return 1 / sum(inverses)

@@ -384,7 +384,7 @@ def _reading_of(text: str) -> Reading:
 
 
 def _one_body(*, reading: Reading) -> None:
-    """Do nothing. `_reading_of` parses the options of this command and never runs it."""
+    """Do nothing: `_reading_of` needs a command with these options, and never runs it."""
 
 
 Units = Literal["mm", "si", "um"]
@@ -504,9 +504,10 @@ class LawOutputs(NamedTuple):
 
 
 def _named(files: LawOutputs, stem: Path) -> LawOutputs:
-    """Return files of a law where each format without a path gets one that begins with `stem`.
+    """Return a copy of files of a law in which every format of `LAW_FORMATS` has a path.
 
-    Raises InputError if `stem` has no name.
+    Paths that the user gave stay. The others are `stem`, the value of --output, with the ending of
+    the format. Raises InputError if `stem` has no name.
     """
     if stem.name in {"", ".."}:
         raise InputError(
@@ -517,7 +518,9 @@ def _named(files: LawOutputs, stem: Path) -> LawOutputs:
         if getattr(files, field) is not None:  # the user has named this file
             continue
         beginning = stem.name
-        if field == "for_4c":  # the name of a Python module has no dot
+        if (
+            field == "for_4c"
+        ):  # 4C imports the file, and the name of a module has no point
             beginning = beginning.replace(".", "_")
         paths[field] = stem.with_name(beginning + law_format.ending)
     return files._replace(**paths)
@@ -537,8 +540,12 @@ def _require_importable(path: Path) -> None:
 
 
 def _outputs(files: LawOutputs) -> Iterator[Output]:
-    """Yield all files that a law is written to: picture, formats, and the sides of its band."""
-    yield Output(files.picture, "--plot", "picture")
+    """Yield all files that a law is written to: picture, formats, and the sides of its band.
+
+    A file that is not written, because its option is left out, is not yielded.
+    """
+    if files.picture is not None:
+        yield Output(files.picture, "--plot", kind="picture")
     for field, law_format in LAW_FORMATS.items():
         path = getattr(files, field)
         if path is None:

@@ -274,7 +274,10 @@ class Quantity:
         Raises
         ------
         ValueError
-            If the quantity depends on a medium that `media` lacks.
+            If the quantity depends on a medium that `media` lacks. OutOfRange, a ValueError, if it
+            is an aperture and the widest gap is outside 1e-90 to 1e90 um.
+        ArithmeticError
+            If the flow through the gap does not converge.
         """
         if self.at_rest is None:
             return 0.0
@@ -469,7 +472,10 @@ def _gas_conductance(contact: Contact, media: Media) -> float:
 
 
 def _joint_conductance(contact: Contact, media: Media) -> float:
-    """Return the conductance of spots and gas together, per nominal area [W/(mm2 K)]."""
+    """Return the conductance of spots and gas together, per nominal area [W/(mm2 K)].
+
+    Raises ValueError without conductivities or without a gas.
+    """
     # 1e-6 W/K over um2 is W/(mm2 K).
     per_stiffness = _conductance(1.0, contact, media) / nominal_area(contact)
     spots = per_stiffness * contact.interface_stiffness
@@ -500,10 +506,17 @@ def _gas_at_rest(problem: Problem, media: Media) -> float:
 
 
 def _aperture_at_rest(axis: int) -> Callable[[Problem, Media], float]:
-    """Make the function of the aperture at first touch [um], along axis 0 (x) or 1 (y)."""
+    """Make the function that returns the hydraulic aperture at first touch [um].
+
+    The flow is along x for `axis` 0, and along y for 1.
+    """
 
     def aperture(problem: Problem, _: Media) -> float:
-        """Return the aperture [um], or raise ArithmeticError if the flow does not converge."""
+        """Return the hydraulic aperture of the gap between the undeformed bodies [um].
+
+        Raise OutOfRange, which is a ValueError and an ArithmeticError, if the widest gap is outside
+        1e-90 to 1e90 um. Raise ArithmeticError if the flow does not converge.
+        """
         from bem.derived.flow import flows_through
 
         periodic = problem.boundary == "periodic"

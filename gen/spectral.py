@@ -179,9 +179,9 @@ def _most_periods(nodes: int, length: float, shortest: float) -> int:
 
 
 def _longest_wave(nodes: int, spacing: float) -> float:
-    """Return the longest wave [um] along a period of nodes with a spacing [um].
+    """Return the length [um] of the longest wave along an axis of a period.
 
-    Return 0 if the period holds no wave.
+    The period has this number of nodes with this spacing [um]. Return 0 if it holds no wave.
     """
     if nodes <= 2:  # see `_most_periods`
         return 0.0
@@ -376,10 +376,10 @@ class SpectralSurface(GridSurface):
             stretch=parameters["stretch"],
         )
         period = generate_spectral(
-            (nx, ny),
-            (nx * dx, ny * dy),
-            spectrum,
-            random,
+            shape=(nx, ny),
+            side=(nx * dx, ny * dy),
+            spectrum=spectrum,
+            random=random,
             rms_height=parameters.get("rms_height"),
             rms_slope=parameters.get("rms_slope"),
         )

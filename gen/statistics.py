@@ -181,7 +181,7 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     moments = _surface_moments(surface, (dx / dy) ** 2)
     curvature_unit = surface.unit / dx / dx  # [1/um]
     values = _table_1(moments, surface, curvature_unit)
-    underflows = curvature_unit < np.finfo(np.float64).tiny
+    underflows = curvature_unit < np.finfo(np.float64).tiny  # smaller numbers lose digits
     if underflows or any(map(math.isinf, values.values())):
         raise InputError(
             f"heights over {values['height_max']:g} um on a spacing of {dx:g} um: their curvatures"
@@ -541,7 +541,8 @@ def _asperities(
 def _moments(values: Values, origin: float, noise: float) -> Moments:
     """Compute the moments of values, shape (count,), with the mean counted from an origin.
 
-    Skewness and kurtosis are NaN if the rms is not above the noise; all moments of no values are.
+    Skewness and kurtosis are NaN if the rms is not above the noise. If there are no values, the
+    number is 0 and all moments are NaN.
     """
     number = values.size
     if number == 0:

@@ -134,6 +134,11 @@ class GeneratedSurface(Table):
     """Meanings of the columns that say where each surface was cut out of a larger one, by the names
     of the columns. The mapping is empty for generators that do not cut surfaces out."""
 
+    @property
+    def cuts_windows(self) -> bool:
+        """Whether surfaces are windows that are cut out of larger ones."""
+        return bool(self.PLACES)
+
     # Without this key the other body is flat.
     against: Literal["another"] | None = Field(
         default=None,
@@ -300,12 +305,17 @@ class GeneratedSurface(Table):
         Parameters
         ----------
         home : Path, optional
-            The database, beside which files may be kept.
+            Folder of the database, in which files may be kept.
 
         Returns
         -------
         GeneratedSurface
             The completed table; by default this table itself. See `Scene.resolved`.
+
+        Raises
+        ------
+        InputError
+            If a file is missing or cannot be used.
         """
         return self
 
@@ -319,11 +329,12 @@ class GeneratedSurface(Table):
         Parameters
         ----------
         home : Path, optional
-            The database, beside which files may be kept.
+            Folder of the database, in which copies of the files may be kept.
         sources : bool
             Whether the original files are needed too, besides the copies that are kept.
         verify : bool
-            Whether to check the kept copies for damage. One of several processes does this.
+            Whether to check the kept copies for damage. It is enough if one of several processes
+            does this.
 
         Raises
         ------
@@ -332,7 +343,10 @@ class GeneratedSurface(Table):
         """
 
     def sources(self) -> list[Path]:
-        """Return the files from which surfaces are made, so that no output replaces them."""
+        """Return the files from which surfaces are made, so that no output replaces them.
+
+        By default there are none. InputError if a file that the scene names is missing.
+        """
         return []
 
     def remarks(self) -> list[str]:

@@ -69,13 +69,13 @@ class Executor:
             Function of the shared data and of one task, which returns a result. It must be defined
             at the top of a module, because processes exchange it by its name.
         shared : object
-            Data that all tasks need. The workers keep them: in the next call, they are sent again
-            only if `shared` is a different object.
+            Data that all tasks need. The workers keep the object: the next call sends its `shared`
+            only if that is a different object.
         tasks : iterable
             Tasks. The next one is taken when a worker is free.
         on_result : callable
             Function that the master calls with each task and its result, in order of arrival. The
-            result is `Ended` if the task was stopped at `until`.
+            result is `Ended` if the task was stopped at `until`, or not begun before.
         stopping : callable
             Function that is called before a task is taken. Once it returns True, no further task is
             begun; the tasks that have begun are finished.
@@ -103,7 +103,7 @@ class Executor:
         task: Task,
         until: float = math.inf,
     ) -> Any:
-        """Do one task while all other workers wait.
+        """Do one task, while all workers but one wait.
 
         Parameters
         ----------
@@ -139,12 +139,12 @@ class Executor:
 
 @dataclass(frozen=True)
 class _Round:
-    """Message of the master to all workers before the tasks of one `Executor.run`."""
+    """Message of the master to all workers before the tasks of one call of `Executor.run`."""
 
     work: Callable[[Any, Any], Any]  # function of the shared data and of one task
     until: float  # time of `time.time` at which the tasks are stopped [s]
-    has_shared: bool  # False if the tasks need the shared data of the last round
-    shared: object  # new shared data; None without new data
+    has_shared: bool  # False if the tasks need the shared data of the round before
+    shared: object  # new shared data; None if `has_shared` is False
 
 
 @contextmanager
@@ -170,7 +170,7 @@ def led() -> Iterator[Executor]:
     world = farm.this_world()
     if world.is_master:
         yield Executor(world)
-        world.broadcast(None)  # the end of the job, for the workers
+        world.broadcast(None)  # tells the workers that the job has ended
         return
     _serve(world)
     raise typer.Exit
@@ -178,11 +178,12 @@ def led() -> Iterator[Executor]:
 
 def _serve(world: farm.World) -> None:
     """Do tasks of the master on this worker, until the master broadcasts None."""
-    shared: Any = None  # data of the last round that had new ones
+    shared: Any = None  # shared data of the latest round
+    # Workers ignore signals: the master handles them.
     with Interruption(listening=False):
         while True:
-            message = world.broadcast(None)  # receives what the master broadcasts
-            if message is None:
+            message = world.broadcast(None)  # None of a worker is ignored: this receives
+            if message is None:  # the end of the job
                 return
             if message.has_shared:
                 shared = message.shared
@@ -222,7 +223,7 @@ def seconds(text: str) -> float:
     try:
         value = float(number) * UNITS[unit]
     except (ValueError, KeyError):
-        value = 0.0
+        value = 0.0  # which is refused
     if not 0 < value <= LONGEST:
         raise InputError(
             f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d"
@@ -257,8 +258,9 @@ def within(
 ) -> Result | Ended:
     """Do a task, and stop it at a given time.
 
-    With a finite time the task is done in a second process, which is killed at this time; otherwise
-    it is kept for further tasks. With an infinite time the task is done in this process.
+    With a finite time the task is done in a second process. This is killed if the task has not
+    ended by then, and kept for further tasks if it has. With an infinite time the task is done in
+    this process, and nothing stops it.
 
     Parameters
     ----------
@@ -279,7 +281,8 @@ def within(
     Raises
     ------
     InputError
-        If `work` raises it, or the second process ends unexpectedly.
+        If `work` raises it, or the second process ends unexpectedly. Other errors of `work` pass
+        through.
     """
     if math.isinf(until):
         return work(shared, task)
@@ -288,12 +291,14 @@ def within(
         return Ended()
     from joblib.externals.loky import get_reusable_executor
 
+    # loky returns the second process of an earlier task, or prepares a new one, which begins with
+    # `_begin`. It ends when this process no longer exists; `timeout=None`: not for lack of tasks.
     process = get_reusable_executor(
-        1, timeout=None, initializer=_begin, initargs=(os.getpid(),)
+        max_workers=1, timeout=None, initializer=_begin, initargs=(os.getpid(),)
     )
     try:
-        # The second process inherits blocked signals: this process handles Ctrl-C, and lets the
-        # task end.
+        # Signals are blocked while the second process starts, so that it ignores Ctrl-C. This
+        # process handles the signal, and lets the task end.
         with farm.signals_blocked():
             future: Future[Result] = process.submit(work, shared, task)
         return future.result(until - time.time())
@@ -308,19 +313,20 @@ def within(
 
 
 def _begin(parent: int) -> None:
-    """Prepare the second process, whose parent has the given process number.
+    """Prepare this process, which is the second process of the process with number `parent`.
 
-    Detach it from the terminal, reserve the buffers of BLAS, and start a thread that ends the
-    process, even during a fit, when its parent no longer exists.
+    Detach it from the terminal, with nothing as standard input and output. Reserve the buffers of
+    BLAS. Start a thread that ends the process, even during a fit, when its parent no longer exists.
     """
 
     def end_with_parent() -> None:
         """End this process within a second after its parent."""
+        # A process whose parent has ended gets another parent.
         while os.getppid() == parent:
             time.sleep(1.0)
         os._exit(1)
 
-    os.setsid()
+    os.setsid()  # a session of its own, without a terminal
     require_blas()
     for stream in (0, 1):  # standard input and output
         os.dup2(os.open(os.devnull, os.O_RDWR), stream)

@@ -111,9 +111,8 @@ def _factorise(kernel: Values, alpha: float) -> _Factor:
         norm = float(matrix_norm(factor, 1, check_finite=False))
         if not np.isfinite(norm):
             raise ValueError("the kernel matrix is not finite: the inputs are too large")
-        factor, failed = dpotrf(
-            factor, overwrite_a=1, clean=0
-        )  # leaves the lower triangle
+        # `clean=0` leaves the lower triangle, which is not used, as it is.
+        factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
         reciprocal = 0.0  # of the condition number; 0 without a factor
         if not failed:
             reciprocal = float(dpocon(factor, anorm=norm)[0])

@@ -12,7 +12,7 @@ from gen.arrays import Indices, Values
 BOOTSTRAP = 1000
 # Coverage of intervals, if the user gives none.
 LEVEL = 0.9
-# Smallest variance of a resample, over that of all rows; a smaller one is only rounding.
+# Largest variance of a resample, over that of all rows, that may be a rounding error.
 ROUNDING = 1e-12
 
 
@@ -28,7 +28,7 @@ class Scores:
 
 
 class Interval(NamedTuple):
-    """An interval of a score [%]."""
+    """An interval of a score, in the unit of the score in `Scores`."""
 
     low: float  # lower end
     high: float  # upper end
@@ -64,6 +64,7 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
 
     true = np.asarray(truth, dtype=float)
     predicted = np.asarray(prediction, dtype=float)
+    # The functions of scikit-learn raise ValueError for other lengths and values not finite.
     if true.ndim != 1 or true.size < 2 or np.ptp(true) == 0:
         raise ValueError("truth must be a vector that varies")
     mean_magnitude = magnitude(true)
@@ -105,7 +106,7 @@ def no_better(r2: float) -> str:
     Returns
     -------
     str
-        The remark; "" if the predictions are better.
+        The remark; "" if `r2` is above 0.
     """
     if r2 > 0:
         return ""
@@ -144,7 +145,8 @@ def bootstrap(
     The largest error has no interval, because no resample has a larger one. Rows of one group are
     drawn together: a model makes similar errors at rows of one surface, and rows drawn one by one
     would give intervals that are too narrow (B. Efron and R. Tibshirani, An Introduction to the
-    Bootstrap, chapter 8). Each call draws equal resamples.
+    Bootstrap, chapter 8). The seed is fixed: calls with equal numbers of groups draw equal
+    resamples.
 
     Parameters
     ----------
@@ -170,13 +172,14 @@ def bootstrap(
     scores(truth, prediction)  # refuses vectors whose scores are undefined
     true = np.asarray(truth, dtype=float)
     error = np.abs(np.asarray(prediction, dtype=float) - true)
-    numbers = np.arange(true.size)
+    numbers = np.arange(true.size)  # number of the group of each row
     if groups is not None:
         numbers = np.unique(groups, return_inverse=True)[1]
-    if numbers.max() < 1:
+    if numbers.max() < 1:  # all rows are in group 0
         return {}
     means = _resampled_means(true, error, numbers)
-    # A resample may consist of one group, and have no variance: its scores are undefined.
+    # Scores of a resample are undefined if its truth is 0 everywhere or does not vary, as it may be
+    # if a single group was drawn.
     usable = means.magnitude > 0
     usable &= means.variance > ROUNDING * true.var()
     squared_error = means.squared_error[usable]
@@ -193,16 +196,17 @@ class ResampledMeans:
     """Means over the rows of each of b resamples."""
 
     magnitude: Values  # (b,), mean of the absolute truth, in its unit
-    variance: Values  # (b,), variance of the truth, in its unit squared
-    squared_error: Values  # (b,), mean squared error, in the unit squared
-    absolute_error: Values  # (b,), mean absolute error, in the unit
+    variance: Values  # (b,), variance of the truth, in the square of its unit
+    squared_error: Values  # (b,), mean squared error, in the square of the truth's unit
+    absolute_error: Values  # (b,), mean absolute error, in the truth's unit
 
 
 def _resampled_means(true: Values, error: Values, numbers: Indices) -> ResampledMeans:
-    """Draw groups with replacement, and return means over the rows of each draw.
+    """Draw `BOOTSTRAP` resamples of the groups, and return means over the rows of each resample.
 
-    Takes the truth, the absolute errors and the number of the group of each row, (n,) each. To
-    avoid cancellation, magnitudes and variances are sums of differences from the means of all rows.
+    Takes the truth, the absolute errors and the numbers of the groups, counted from 0: an entry for
+    each row, (n,). To avoid cancellation, magnitude and variance of a resample are computed from
+    differences to the means of all rows.
     """
     mean_magnitude = magnitude(true)
     from_mean = true - float(true.mean())
@@ -210,19 +214,20 @@ def _resampled_means(true: Values, error: Values, numbers: Indices) -> Resampled
         "rows": np.ones_like(true),
         "squared_error": error**2,
         "absolute_error": error,
-        "magnitude": np.abs(true) - mean_magnitude,
-        "truth": from_mean,
-        "squared_truth": from_mean**2,
+        "magnitude_difference": np.abs(true) - mean_magnitude,
+        "from_mean": from_mean,
+        "squared_from_mean": from_mean**2,
     }
     counts = _drawn_counts(int(numbers.max()) + 1)
     totals = {}  # sums over the rows of each resample, (b,)
     for name, quantity in quantities.items():
-        totals[name] = counts @ np.bincount(numbers, quantity)
+        sums_of_groups = np.bincount(numbers, quantity)
+        totals[name] = counts @ sums_of_groups
     rows = totals["rows"]
-    mean = totals["truth"] / rows
+    mean_difference = totals["from_mean"] / rows
     return ResampledMeans(
-        magnitude=mean_magnitude + totals["magnitude"] / rows,
-        variance=totals["squared_truth"] / rows - mean**2,
+        magnitude=mean_magnitude + totals["magnitude_difference"] / rows,
+        variance=totals["squared_from_mean"] / rows - mean_difference**2,
         squared_error=totals["squared_error"] / rows,
         absolute_error=totals["absolute_error"] / rows,
     )
@@ -239,9 +244,9 @@ def _drawn_counts(groups: int) -> Indices:
 
 
 def _interval(values: Values, level: float) -> Interval:
-    """Return the interval that contains a share `level` of the values, (b,).
+    """Return the interval that contains the share `level` of b values, (b,).
 
-    Equal numbers of values are below and above it.
+    It is central: equal numbers of values are below and above it.
     """
     low = float(np.quantile(values, (1 - level) / 2))
     high = float(np.quantile(values, (1 + level) / 2))

@@ -604,7 +604,7 @@ class Whitened:
         logarithms : ndarray, shape (d + 1,)
             Logarithms of the d lengths and of the variance.
         centres : ndarray, shape (m, d)
-            Places about which the Matern functions are placed.
+            Centres of the Matern functions, standardised inputs.
 
         Returns
         -------
@@ -712,7 +712,7 @@ def _direction_scores(equations: Equations, inside: NDArray[np.bool_]) -> Direct
 
 
 def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
-    """Return the factor of the errors of the mean over the errors that the process states.
+    """Estimate the factor by which errors of the mean exceed those that the process states.
 
     `first_half`, (n,), is True for the rows of one half of the surfaces. The errors of the mean of
     each half are measured at the rows of the other half. The factor is the most probable one that
@@ -748,14 +748,14 @@ class LikelyScales(NamedTuple):
 def _most_likely_scales(rows: Whitened, centres: Values) -> LikelyScales:
     """Return the d lengths and the variance of the largest evidence that the searches reach.
 
-    One search starts at each of `STARTS`. The centres, (m, d), are places of the Matern functions.
+    One search starts at each of `STARTS`. The centres of the Matern functions are (m, d).
     """
-    inputs = centres.shape[1]
-    log_limits = [tuple(np.log(LENGTHS))] * inputs
+    dimensions = centres.shape[1]
+    log_limits = [tuple(np.log(LENGTHS))] * dimensions
     log_limits.append(tuple(np.log(VARIANCES)))
     searches = []
     for length in STARTS:
-        start = np.zeros(inputs + 1)  # The logarithm of the variance starts at 0.
+        start = np.zeros(dimensions + 1)  # The logarithm of the variance starts at 0.
         start[:-1] = np.log(length)
         search = minimize(
             rows.minus_log_evidence,

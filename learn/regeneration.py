@@ -276,7 +276,8 @@ class Regeneration:
                 progress.advance(rows=block.end - block.first)
                 if time.monotonic() > self.saved + SAVE_SECONDS:
                     self.saved = time.monotonic()
-                    # If this write fails, so does the last one, which warns of it.
+                    # A warning is not needed here: if this write fails, the last write, below,
+                    # fails too and is reported.
                     self.cache.save()
 
             try:

@@ -127,7 +127,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/self_affine.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
-        ("<= high / apart + ROUNDING", "<= high / apart - 1 + ROUNDING"),
+        ("<= high / spacing + ROUNDING", "<= high / spacing - 1 + ROUNDING"),
         (
             "(heights < below) | (heights > above)",
             "(heights < below) & (heights > above)",
@@ -137,8 +137,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/maps/library.py": (("if window.symmetry & TRANSPOSED:", "if False:"),),
     "gen/maps/read.py": (
         (
-            "self.sides[0] / nx, self.sides[1] / ny",
-            "self.sides[0] / ny, self.sides[1] / nx",
+            "self.sides[0] / spacings_x, self.sides[1] / spacings_y",
+            "self.sides[0] / spacings_y, self.sides[1] / spacings_x",
         ),
     ),
     "gen/material.py": (("(e / (1 - nu**2))", "(e / (1 + nu**2))"),),

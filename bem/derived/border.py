@@ -23,7 +23,25 @@ f = g / (g + kappa p h / E*), where kappa is the geometric mean of K along the a
 the place of the border between the two nodes. The ratios p / (p + p2) and g / (g + g2), with the
 pressure p2 of the next node inside and the gap g2 of the next node outside, correct f for curved
 borders and narrow spots. The offset of an edge is a weighted sum of one, f, and both ratios.
-Lengths are in spacings across the edge, also on oblong cells. The weights belong to square cells.
+Lengths are in spacings across the edge.
+
+The weights were fitted on square cells, where the number of neighbouring edges in line with an edge
+tells the direction of the border. Oblong cells need no weights of their own, but the direction in
+true lengths. Let r be the spacing across an edge over the spacing along it:
+
+- Across the long side of the cells (r > 1), a border at 45 degrees has r edges in line. An edge
+  therefore has a neighbour in line to the degree that the run of edges on that side reaches as far
+  as r edges. A run that is shorter in all than r edges belongs to a border steeper than 45 degrees.
+  Its slope is the length of the run over the spacing across. The border is located there by the
+  edges of the other axis, and the offset of the edges of this run goes to zero with the slope. The
+  gap and the pressure beside the edge belong to shorter distances from the border, so that kappa
+  goes to zero with the root of the slope.
+- Across the short side (r < 1), the next edge is so far off, in spacings across, that it tells
+  little about the border here. As r goes to zero, each line of nodes is a problem of its own, the
+  plane one, of which all edges are in line. An edge that has no neighbour in line therefore has
+  1 - r of one.
+
+For r = 1, both are the count of neighbours in line.
 """
 
 import math
@@ -32,7 +50,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bem.arrays import Field, Mask, Nodes, Values
 from bem.problem import Boundary, Problem
@@ -92,6 +109,11 @@ CONTINUED: dict[Boundary, Literal["edge", "wrap", "symmetric"]] = {
     "mirror": "symmetric",
 }
 
+# Largest ratio of the sides of a cell for which edges in line are counted [1]. Cells that are more
+# oblong are treated as cells of this ratio. Borders steep enough to tell the difference have next
+# to no offset.
+LARGEST_RATIO = 100.0
+
 # Nodes by which fields are continued on each side: an edge needs the node next to it, and one more.
 RIM = 2
 
@@ -102,8 +124,12 @@ class BorderEdges:
 
     Attributes
     ----------
-    aligned : ndarray of int, shape (e,)
-        Number of neighbouring edges in line with each edge: 0, 1 or 2.
+    aligned : ndarray, shape (e,)
+        Number of neighbouring edges in line with each edge, from 0 to 2. It is a whole number on
+        square cells [1].
+    slope : ndarray, shape (e,)
+        Slope of the border where it is steeper than 45 degrees to edges across the long side of the
+        cells: the length of the run of edges in line over the spacing across. Otherwise 1 [1].
     terms : ndarray, shape (e, 4)
         Terms that the weights multiply: one, f, p / (p + p2) and g / (g + g2) [1].
     yielded : ndarray, shape (e,), or None
@@ -111,9 +137,32 @@ class BorderEdges:
         if no node has yielded [1].
     """
 
-    aligned: Nodes
+    aligned: Values
+    slope: Values
     terms: Field
     yielded: Values | None
+
+    def row_factors(self) -> Field:
+        """Compute the factors of the rows of `WEIGHTS` in the offset of each edge.
+
+        Weights are interpolated between two rows, and multiplied by the slope.
+
+        Returns
+        -------
+        ndarray, shape (e, 3)
+            Factors; their sum over the rows is the slope [1].
+        """
+        distances = np.abs(self.aligned[:, np.newaxis] - np.arange(len(WEIGHTS)))
+        factors: Field = np.maximum(1 - distances, 0) * self.slope[:, np.newaxis]
+        return factors
+
+
+@dataclass(frozen=True, eq=False)
+class _Directions:
+    """Direction of the border at the edges that face one way; fields as in `BorderEdges`."""
+
+    aligned: Values
+    slope: Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,19 +257,81 @@ def border_edges(
     contact = fields.pressure > 0
     touching = np.flatnonzero(contact & fields.on_patch)
     row = pressure.shape[1] + 2 * RIM
-    # Flat steps to the next node along each axis, and along the other one.
-    for spacing, along, across in zip(problem.spacing, (row, 1), (1, row), strict=True):
-        for inward in (along, -along):
-            inner = touching[~contact[touching - inward]]
+    for axis, inward in (
+        (0, row),
+        (0, -row),
+        (1, 1),
+        (1, -1),
+    ):  # flat steps to the inner node
+        inner = touching[~contact[touching - inward]]
+        spacing = problem.spacing[axis]
+        ratio = spacing / problem.spacing[1 - axis]
+        if ratio > 1:
+            facing = _on_patch(contact & ~np.roll(contact, inward), pressure.shape)
+            directions = _by_runs(
+                facing, axis, min(ratio, LARGEST_RATIO), problem.boundary
+            )
+        else:
+            across = 1 if axis == 0 else row
             neighbours = np.array([inner + across, inner - across])
             in_line = contact[neighbours] & ~contact[neighbours - inward]
-            yield _edges_between(
-                fields,
-                inner,
-                inward,
-                aligned=np.count_nonzero(in_line, axis=0),
-                compliance=compliance * spacing,
-            )
+            directions = _by_neighbours(in_line, ratio)
+        yield _edges_between(
+            fields,
+            inner,
+            inward,
+            directions=directions,
+            compliance=compliance * spacing,
+        )
+
+
+def _on_patch(continued: Mask, shape: tuple[int, ...]) -> Mask:
+    """Return the (nx, ny) part on the patch of a flat mask that is continued by `RIM` nodes."""
+    nx, ny = shape
+    square: Mask = continued.reshape(nx + 2 * RIM, ny + 2 * RIM)
+    return square[RIM:-RIM, RIM:-RIM]
+
+
+def _by_neighbours(in_line: Mask, ratio: float) -> _Directions:
+    """Return the direction of the border at edges across the shorter side of the cells.
+
+    `in_line`, (2, e), tells whether the neighbours of an edge on both sides are in line with it.
+    `ratio` is the spacing across an edge over the spacing along it, at most 1. A neighbour that is
+    not in line counts 1 - ratio.
+    """
+    edges = in_line.shape[1]
+    aligned = 2 * (1 - ratio) + ratio * np.count_nonzero(in_line, axis=0)
+    return _Directions(aligned=aligned, slope=np.ones(edges))
+
+
+def _by_runs(facing: Mask, axis: int, ratio: float, boundary: Boundary) -> _Directions:
+    """Return the direction of the border at edges across the longer side of the cells.
+
+    `facing`, (nx, ny), tells which contact nodes have such an edge; edges are returned in the order
+    of these nodes. The edges are across `axis`, and their runs go along the other axis. `ratio` is
+    the spacing across an edge over the spacing along it, above 1.
+    """
+    reach = math.ceil(ratio)  # a longer run on one side makes no difference
+    width = [(0, 0), (0, 0)]
+    width[1 - axis] = reach, reach
+    continued = np.pad(facing, width, CONTINUED[boundary])
+    on_patch = np.pad(facing, width)
+    places = np.flatnonzero(on_patch)
+    step = 1 if axis == 0 else continued.shape[1]  # flat step to the next edge in line
+    continued = continued.ravel()
+    aligned = np.zeros(len(places))
+    run = np.ones(len(places))  # the edge itself and those in line on both sides
+    for side in (-step, step):
+        beside = np.zeros(len(places))
+        unbroken = np.ones(len(places), dtype=bool)
+        for distance in range(1, reach + 1):
+            unbroken &= continued[places + distance * side]
+            if not unbroken.any():
+                break
+            beside += unbroken
+        aligned += np.minimum(beside / ratio, 1)
+        run += beside
+    return _Directions(aligned=aligned, slope=np.minimum(run / ratio, 1))
 
 
 def _continued(
@@ -250,13 +361,13 @@ def _edges_between(
     inner: Nodes,
     inward: int,
     *,
-    aligned: NDArray[np.intp],
+    directions: _Directions,
     compliance: float,
 ) -> BorderEdges:
     """Return the edges between contact nodes and the open nodes next to them.
 
     `inner` has the (e,) flat indices of the contact nodes, and `inward` is the step from an open
-    node to its contact node. `compliance` is kappa h / E* [um / MPa].
+    node to its contact node. `compliance` is kappa h / E* of a border along the edges [um / MPa].
     """
     outer = inner - inward
     next_inner = inner + inward
@@ -264,7 +375,7 @@ def _edges_between(
     pressed = fields.pressure[inner]
     opened = fields.gap[outer]
     depth = fields.depth[inner]
-    elastic = compliance * pressed
+    elastic = compliance * np.sqrt(directions.slope) * pressed
     terms = np.empty((len(inner), 4))
     terms[:, 0] = 1.0
     terms[:, 1] = opened / (opened + elastic + depth)
@@ -276,7 +387,12 @@ def _edges_between(
     yielded = None
     if depth.any():
         yielded = depth / (depth + YIELDED * elastic)
-    return BorderEdges(aligned=aligned, terms=terms, yielded=yielded)
+    return BorderEdges(
+        aligned=directions.aligned,
+        slope=directions.slope,
+        terms=terms,
+        yielded=yielded,
+    )
 
 
 def _offsets(edges: BorderEdges, weights: Field) -> Values:
@@ -284,7 +400,8 @@ def _offsets(edges: BorderEdges, weights: Field) -> Values:
 
     `weights` has the form of `WEIGHTS`, (3, 4), and is corrected for the kernel.
     """
-    offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], edges.terms)
+    weights_of_edges = edges.row_factors() @ weights
+    offsets: Values = np.einsum("ij,ij->i", weights_of_edges, edges.terms)
     if edges.yielded is None:
         return offsets
     # Two surfaces that cut each other have a gap and a depth in proportion to the distance.

@@ -429,7 +429,11 @@ def _faces(
 
 
 def _flat_faces(along_x: NDArray[Any], along_y: NDArray[Any]) -> NDArray[Any]:
-    """Return the values of all faces as a flat array: those crossed along x, then along y."""
+    """Return the values of all faces as a flat array.
+
+    `along_x` has those of the faces that a flow along x crosses, which come first; `along_y` those
+    that a flow along y crosses.
+    """
     return np.concatenate([along_x.reshape(-1), along_y.reshape(-1)])
 
 

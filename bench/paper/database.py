@@ -27,13 +27,14 @@ from learn.features import OF_SURFACES
 from learn.metrics import Scores, scores
 
 UNEXPLAINED = {"bandwidth_x", "bandwidth_y"}
-"""Names of columns whose definition in the paper is another one, which the paper does not give."""
+"""Names of columns that the paper defines otherwise. It does not state its definition."""
 
 SHOWN = [column for column in ALL_COLUMNS if column.name in RANGES]
 """Columns of Table 1, in the order of our databases."""
 
 BINS = 10
-"""Largest number of bins, each with equally many rows, for which solve times are tabulated."""
+"""Largest number of bins for which solve times are tabulated. All bins have equal numbers of rows,
+or differ by one."""
 
 
 def finished(path: Path) -> pd.DataFrame:
@@ -142,8 +143,9 @@ def table_1(database: Path) -> Report:
 def _range(column: Column, values: "pd.Series[float]") -> Row:
     """Return the row of Table 1 for a column and its values in our database.
 
-    `ours_inside_percent` is the share of our values inside the paper's range. `deviation` is the
-    shift of both ends over the length of the paper's range.
+    `ours_inside_percent` is the share of our values inside the paper's range, as a text. In
+    `deviation` are the shifts of the lower and the upper end, over the length of the paper's range,
+    as a text.
     """
     paper_low, paper_high = RANGES[column.name]
     our_low = values.min()
@@ -168,7 +170,7 @@ def _range(column: Column, values: "pd.Series[float]") -> Row:
 
 
 def _reason_for_range(name: str) -> str:
-    """Say why the range of a column differs from the paper's; "" if it should not differ."""
+    """Return why the range of a column differs from the paper's; "" if it should not differ."""
     if name in UNEXPLAINED:
         return why("bandwidth")
     if name in {"hurst", "delta"}:  # drawn from the paper's range
@@ -299,7 +301,7 @@ def _reason_for_fine(database: Path, fine: Dataset) -> str:
 
 
 def _fine_picture(tests: dict[str, FineTest]) -> Any:
-    """Draw predicted over solved areas, in a panel for each feature set."""
+    """Return a figure of predicted over solved areas, with a panel for each feature set."""
     figure = new_figure(12, 4)
     axes = figure.subplots(1, len(tests))
     for axis, (features, test) in zip(axes, tests.items(), strict=True):

@@ -34,7 +34,7 @@ FINE = Scores(nmse=1.46, nmae=3.95, nmaxe=7.56, r2=99.16)
 """Scores of kernel ridge on the finer grid (Table 5) [%]."""
 
 RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.paper_range}
-"""Smallest and largest value of each quantity of Table 1, by the name of our column."""
+"""The paper's smallest and largest value of each quantity of Table 1, by the name of our column."""
 
 AREA_MAX = RANGES["area_percent"][1]
 """Largest area in the paper's database (Table 1) [%]."""

@@ -25,7 +25,7 @@ def paper(
     folder : Path
         Folder of the report. Generated databases are kept in its folder `databases`.
     rows : int
-        Number of the first rows of the paper preset that are generated without a database.
+        Number of the first rows of the paper preset that are generated if `database` is None.
     database : Path or None
         A database of the paper preset; None to generate one.
     comparison : Path or None
@@ -48,6 +48,7 @@ def paper(
         models.area_folder(comparison)  # refuses a wrong folder before any work is done
     path = databases.of_the_paper(database, folder / "databases", rows)
     fine = _fine_database(folder, path)
+    # Functions without arguments, each of which makes some of the tables and pictures.
     parts: list[Callable[[], Report]] = [
         partial(models.numbers, path, comparison),
         surfaces.levels,

@@ -186,10 +186,11 @@ class _Profile:
 def _rows_of_profile(
     heights: Heights, shown: _Profile, number_of_asperities: int
 ) -> list[Row]:
-    """Return the rows of the table `profile`: number, mean height and rms of kinds of nodes [um].
+    """Return the rows of the table `profile`, one for each kind of nodes.
 
     The kinds are the peaks of the shown profile, the peaks of all profiles, asperities, and all
-    nodes. `heights` are those of the surface.
+    nodes. A row has the number of nodes, their mean height and the rms of their heights [um].
+    `heights` are those of the surface.
     """
     statistics = describe(heights, PRESET.side / (NODES - 1)).values
     peak_heights = shown.heights[shown.peaks]
@@ -202,8 +203,8 @@ def _rows_of_profile(
         },
         {
             "of": "profile peaks, all profiles",
-            # The density is the number of peaks, along x and along y, over twice the number of
-            # nodes.
+            # The density is the number of peaks of all profiles, along x and along y, over twice
+            # the number of nodes.
             "number": round(statistics["peak_density"] * 2 * heights.size),
             "mean_height_um": statistics["peak_mean"],
             "rms_um": statistics["peak_rms"],
@@ -285,7 +286,9 @@ def _pressed(panels: str, hurst: float, delta: float) -> _Pressed:
 
 
 def topographies() -> Report:
-    """Draw topographies above the forces on their nodes, at two displacements (section 2.4).
+    """Draw three topographies, each above the forces on its nodes (section 2.4).
+
+    The rough surface is pressed at two displacements, the smooth one at the smaller of them.
 
     Returns
     -------

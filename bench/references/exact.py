@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from bench.references.half_space import Field
 
 SMALL_ENOUGH = 2**20
-"""Machine words are used if the highest less the lowest height, in units, is below this.
+"""Range of the heights, in units of `integers`, below which they are kept in machine words.
 
-They then hold the curvatures too.
+Curvatures then fit into machine words, too.
 """
 
 DIGITS = 60
@@ -149,14 +149,15 @@ def integers(heights: Field) -> tuple[Whole, Fraction]:
         The unit [um].
     """
     ratios = [float(height).as_integer_ratio() for height in np.unique(heights)]
-    # The number of units in a um is a multiple of all denominators, as all are powers of two.
+    # All denominators are powers of two. The largest one, the number of units in a um, is therefore
+    # a multiple of all of them.
     per_um = max(denominator for _, denominator in ratios)
     numerator, denominator = ratios[0]
     lowest = numerator * (per_um // denominator)
     numerator, denominator = ratios[-1]
     highest = numerator * (per_um // denominator)
     unit = Fraction(1, per_um)
-    # Floats hold the products below exactly.
+    # In this case floats hold the products `heights * per_um` exactly.
     is_exact_in_floats = per_um < 2**40 and abs(lowest) < 2**53
     if is_exact_in_floats and highest - lowest < SMALL_ENOUGH:
         numbers = (heights * per_um).astype(np.int64)
@@ -260,7 +261,7 @@ Counted = tuple[int, int]
 
 
 def _total(counts: Iterable[Counted]) -> int:
-    """Return the sum of numbers, each as often as it occurs."""
+    """Return the sum of numbers, each multiplied by how often it occurs."""
     return sum(value * count for value, count in counts)
 
 

@@ -95,7 +95,9 @@ def tilted_plane(random: Random, shape: Shape) -> Field:
 
 
 def waves(random: Random, shape: Shape) -> Field:
-    """Draw crossed waves, parallel waves or a flat surface; the shortest waves have two nodes.
+    """Draw the sum of a wave along x and one along y, each of which may be missing.
+
+    The surface is flat if both are missing. The shortest waves have two nodes.
 
     Parameters
     ----------
@@ -109,7 +111,7 @@ def waves(random: Random, shape: Shape) -> Field:
     ndarray, shape `shape`
         Heights.
     """
-    # An axis has a wave or none, with even chances.
+    # An axis has a wave or none, with equal probability.
     rows, columns = shape
     angles = random.uniform(0, np.pi, 2)
     along, across = angles * random.integers(0, 2, 2)

@@ -35,7 +35,7 @@ It is the rounding by which two convolutions of one pressure may differ.
 """
 
 YIELDED = 1 - 1e-9
-"""Smallest share of the hardness at which a node counts as yielded [1].
+"""Smallest pressure over the hardness at which a node is taken as yielded [1].
 
 It is below 1 because solvers scale the pressure that they return, which rounds it.
 """
@@ -94,7 +94,7 @@ class Case:
         Returns
         -------
         Case
-            The case with as many nodes a side, at the spacing that it had.
+            The case with this number of nodes a side, at its own spacing.
         """
         if nodes == self.nodes:
             return self
@@ -114,7 +114,7 @@ class Case:
         Returns
         -------
         ndarray of bool, shape (n, n)
-            Whether the pressure is the hardness but for rounding (`YIELDED`); False everywhere for
+            Whether the pressure is at least `YIELDED` times the hardness; False everywhere for
             elastic bodies.
         """
         return pressure >= YIELDED * (self.hardness or math.inf)
@@ -244,7 +244,7 @@ Item = TypeVar("Item")
 """Type of the items of `back_and_forth`."""
 
 MAX_ITERATIONS = 1000
-"""Largest number of steps of a solver; a solve that needs more counts as failed."""
+"""Largest number of steps of a solver; a solve that needs more has failed."""
 
 LADDER = tuple(10.0 ** (-half_decades / 2) for half_decades in range(2, 25))
 """Tolerances that are tried, falling from 0.1 to 1e-12 by half decades [1]."""
@@ -352,7 +352,7 @@ def _set_up(solver: Solver, nodes: int, spacing: float) -> Press:
 
 
 def back_and_forth(items: Sequence[Item], rounds: int) -> Iterator[Item]:
-    """Yield all items in every round, in their order and in the reverse order by turns (A B B A).
+    """Yield all items in every round, in every second round in the reverse order (A B B A).
 
     No item then has an advantage on a machine that becomes slower or faster.
 

@@ -48,6 +48,7 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     template = template_of(spec.scene, blocks)
 
     def create() -> None:
+        """Replace the file by an empty database."""
         path.unlink(missing_ok=True)
         database.create(path, spec.scene)
 
@@ -116,6 +117,7 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
     tiling = Tiling((heights.shape,), (nodes, nodes), square=True)
 
     def window() -> np.ndarray:
+        """Draw a place by a fixed seed, and cut the window there."""
         place = draw_window(stream(5), tiling)
         return cut_window(prepared.heights, place, tiling.window)
 

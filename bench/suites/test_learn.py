@@ -32,8 +32,8 @@ ROWS = {"smoke": 250, "paper": 12_703}
 and memory suffices."""
 
 NUMBERS = {"smoke": [4, 8], "paper": [10, 20, 30, 40, 50, 60, 70, 80]}
-"""Searched numbers of estimators by size of the benchmark. One fit of the largest number serves all
-of them, which saves a factor of at most their sum over their maximum."""
+"""Searched numbers of estimators by size of the benchmark. In our search one fit of the largest
+number serves all of them. The time falls by a factor of at most their sum over their maximum."""
 
 SEARCHED = 250
 """Number of rows of the searches."""

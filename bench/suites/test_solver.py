@@ -132,6 +132,7 @@ def test_influence_coefficients(
     """Tabulate the influence coefficients; no round reuses the table of an earlier one."""
 
     def tabulate() -> NDArray[np.float64]:
+        """Compute the table anew."""
         influence._kept_table.cache_clear()
         return influence.influence_coefficients((nodes, nodes), kernel)
 
@@ -169,6 +170,7 @@ def test_approximate_inverse(
     residual, other = (random_field(nodes, seed) * operator.contact for seed in (1, 2))
 
     def correct(field: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Apply the approximate inverse to a field of the contact set."""
         return operator.correct(operator.in_contact(field))
 
     correction = benchmark(correct, residual).astype(np.float64)
@@ -215,12 +217,14 @@ def test_solve_few_in_contact(
     heights = paper_case(0, nodes).heights
 
     def excess(delta: float) -> float:
+        """Return the share in contact at a Delta [um] less the wanted share [%]."""
         return bem.solve(heights, SIDE, delta, rtol=1e-2).area_percent - percent
 
     delta = optimize.brentq(excess, 1, 60, xtol=0.1)
     solve = partial(bem.solve, heights, SIDE, delta)
 
     def iterate() -> bem.Contact:
+        """Solve without dense algebra."""
         never_dense = ((0.0, 1.0),)
         with mock.patch.object(patch, "FEW_FREE", never_dense):
             return solve()
@@ -241,6 +245,7 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
     cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS // 4)]
 
     def solve_for_delta() -> list[bem.Contact]:
+        """Solve all cases at their Delta."""
         return [bem.solve(case.heights, SIDE, case.delta) for case in cases]
 
     expected = solve_for_delta()
@@ -254,6 +259,7 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
         solves.append(solve)
 
     def solve_for_load() -> list[bem.Contact]:
+        """Solve all cases under the force or the mean pressure of the contact at their Delta."""
         return [solve() for solve in solves]
 
     contacts = benchmark(solve_for_load)
@@ -285,6 +291,7 @@ def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) 
     step = 1e-5 * contact.delta
 
     def force_at(delta: float) -> float:
+        """Return the force at a Delta [um], solved to `EXACT` [uN]."""
         return bem.solve(heights, SIDE, delta, boundary=boundary, rtol=EXACT).force
 
     slope = (force_at(contact.delta + step) - force_at(contact.delta - step)) / (2 * step)
@@ -328,9 +335,11 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     deltas = np.linspace(5, 45, rungs)
 
     def together() -> list[bem.Contact]:
+        """Solve all contacts as a ladder."""
         return list(bem.ladder(heights, SIDE, deltas))
 
     def apart() -> list[bem.Contact]:
+        """Solve each contact on its own."""
         return [bem.solve(heights, SIDE, delta) for delta in deltas]
 
     ladder = benchmark(together)

@@ -1,6 +1,6 @@
 """Fits of surrogates for the reports, made as `learn fit` makes them.
 
-A `Fitted` is the model of one target, with what its intervals and flags need.
+A `Fitted` is the model of one target, with the numbers that its intervals and flags need.
 """
 
 from dataclasses import dataclass
@@ -86,14 +86,15 @@ class Fitted(Fit):
         rows : Dataset
             n rows with the inputs of the training.
         level : float
-            Share of rows inside their interval, between 0 and 1, if rows resemble the training.
+            Share of the intervals that have to hold their row's target, between 0 and 1. It is
+            promised for rows that resemble the training rows.
 
         Returns
         -------
         Ends
             Both ends, clipped to the bounds of the target.
         """
-        raw = self.predict(rows) / rows.scale
+        raw = self.predict(rows) / rows.scale  # in the unit of the calibration
         ends = self.learnt.calibration.ends(raw, level, rows.inputs)
         low, high = (np.clip(end * rows.scale, *self.learnt.bounds) for end in ends)
         return Ends(low=low, high=high)

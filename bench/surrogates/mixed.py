@@ -84,7 +84,7 @@ def _database(folder: Path, nodes: int, rows: int) -> Path:
 
 
 def _new_row(features: str, judged: JudgedGrid) -> Row:
-    """Return a row of the table that has no errors and biases yet."""
+    """Return a new row of the table, without its columns of errors and biases."""
     return {
         "features": features,
         "trained_on": judged.trained_on,
@@ -95,8 +95,9 @@ def _new_row(features: str, judged: JudgedGrid) -> Row:
 def _judged(request: Request, all_rows: Dataset) -> Iterator[JudgedGrid]:
     """Yield the errors of a surrogate for each set of training grids, on each grid that judges it.
 
-    `all_rows` are of all grids: the number of their database is the place of the grid in `GRIDS`.
-    Test rows of the training grids judge, but all rows of the finest grid judge the coarser ones.
+    `all_rows` are of all grids: the number of their database is the place of the grid in `GRIDS`. A
+    surrogate is judged by test rows of its training grids. The one trained on the three coarser
+    grids is judged by all rows of the finest grid instead.
     """
     nodes = np.array(GRIDS)[all_rows.database]  # nodes a side, for each row
     single = [(grid,) for grid in GRIDS]

@@ -5,10 +5,10 @@ user would write. Kernel ridge with hybrid features is fitted as `learn fit` doe
 twice on every row: by a fit without a fifth of the tiles, and by a fit without one map. No node of
 a map both trains and judges. Settings, intervals and flags come from the training rows alone.
 
-A row is called wrong if its error is more than twice as large as its interval allows. Of normally
-distributed errors 0.1 % are. A tenth of the rows is expected to be outside the interval, but wrong
-rows are not. So they have to be flagged, except for the few that occur by chance. More unflagged
-wrong rows would show a kind of surface that the flags do not recognise.
+A row is called wrong if its error is more than twice as large as its interval allows. If errors are
+normally distributed, a tenth of the rows is outside the interval, but only 0.1 % of them are wrong.
+So wrong rows have to be flagged, except for these few. More unflagged wrong rows would show a kind
+of surface that the flags do not recognise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,8 +48,8 @@ SCENE: str = read_toml("surrogates/scenes")["windows"]["scene"]
 """The scene (TOML) with windows of 64 nodes a side, without its number of rows."""
 
 PARTS = {"unseen tiles": "tile", "maps left out": "map"}
-"""The rows that are left out of a training together: one tile's or one map's, by the words for them
-in the table."""
+"""The group whose rows are left out of a training together, "tile" or "map", by the words for it in
+the table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,8 @@ class Judged:
         -------
         Row
             A row of the table. Scores and the mean width of the intervals are in percent. Shares
-            are 0 to 1; NaN where no row can be counted, for example among flagged rows.
+            are 0 to 1. A share is NaN if it is of no rows, as that of unflagged rows if all are
+            flagged.
         """
         truth = self.truth[chosen]
         prediction = self.prediction[chosen]
@@ -149,8 +150,8 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
     """
     if rows < FEWEST:
         raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
-    # Some formats hold the time of writing. Maps written again would be other files, of which the
-    # databases would not be.
+    # Some formats hold the time of writing, so that maps written again would be other files than
+    # those that the databases name.
     if not (folder / "maps").is_dir():
         write_all(folder / "maps", ONE_INSTRUMENT)
     studies = []

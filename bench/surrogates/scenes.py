@@ -40,7 +40,7 @@ from learn.features.scene import load_of
 from learn.surrogate import Surrogate, fitting
 
 SEED = 4242
-"""Seed of the fresh parameters. Surfaces at the k-th of them have the seed SEED + 1 + k."""
+"""Seed of the fresh parameters. The surfaces of the k-th set of parameters have SEED + 1 + k."""
 
 FEW = 20
 """Number of surfaces that a user would solve for a mean."""
@@ -65,8 +65,8 @@ SIZES = (500, 1500, 5000)
 """Numbers of rows of smaller trainings. A size is left out if the database has no more rows."""
 
 DRAWS = 5
-"""Number of draws of the rows of a smaller training, which scores are averaged over. The errors of
-a single fit are alike at all points, so that one fit says little."""
+"""Number of draws of the rows of a smaller training; scores are averaged over them. The errors of
+one fit are correlated between points, so that one fit says little."""
 
 PROCESS_ROWS = 1000
 """Number of rows that train the plain Gaussian process, whose fit time grows with its cube."""
@@ -81,9 +81,9 @@ RESULTS = (AREA.name, FORCE.name, DELTA.name)
 class Solved(NamedTuple):
     """Results at p fresh sets of parameters, on s fresh surfaces for each of them."""
 
-    # (p,) values of each parameter, the load and the hardness if there is one, by their names.
+    # Values, (p,), of each parameter, of the load, and of the hardness if there is one, by names.
     numbers: dict[str, Values]
-    # (p, s) values of each of `RESULTS`, by its name.
+    # Values, (p, s), of each of `RESULTS`, by its name.
     results: dict[str, Values]
 
 
@@ -142,7 +142,8 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
 def _study(name: str, path: Path, rows: int, points: int, surfaces: int) -> Study:
     """Fit the surrogate of a scene's database, and solve the contacts that judge it.
 
-    Its targets are the area, and the one of force and Delta that is not the load.
+    `rows` is the number of rows of the database, and `points` and `surfaces` are the numbers of
+    `solved`. The targets are the area, and the one of force and Delta that is not the load.
     """
     with Reader(path) as reader:
         scene = reader.scene
@@ -178,7 +179,7 @@ def _fitted(request: Request) -> _TimedFit:
     """Fit a surrogate as `learn fit` does; its progress is printed on standard error."""
     began = process_time()
     surrogate = fitting.fit(request, Executor(), remark)
-    # It is None only after an interruption, which this executor does not have.
+    # The surrogate is None only after an interruption, which this executor never reports.
     assert surrogate is not None
     return _TimedFit(surrogate=surrogate, seconds=process_time() - began)
 
@@ -245,9 +246,10 @@ def _share_inside(low: Values, high: Values, truth: Values) -> float:
 def _judged(study: Study) -> Iterator[Row]:
     """Yield the rows of the table `scene-surrogate`, one for each target of a study.
 
-    A row has errors, coverage and times of the surrogate, and those of a plain Gaussian process.
-    Errors and the error of the means of `FEW` surfaces are in percent. `inside` is the share of
-    results inside their interval, 0 to 1; `width` is the mean width of the intervals over the mean.
+    A row has errors [%], coverage and times [s] of the surrogate and of a plain Gaussian process,
+    and the columns of `_means`. `nmae_of_few` and `floor_of_few` are errors against means over
+    `FEW` surfaces. `inside` is the share of results inside their interval, 0 to 1; `width` is the
+    mean width of the intervals over the mean result [1].
     """
     surrogate = study.surrogate
     questions = surrogate.of_numbers(study.solved.numbers)
@@ -368,8 +370,8 @@ def _means(surrogate: Surrogate, truth: Solved) -> Iterator[Row]:
 
     `nmae` and `floor` are the errors of `_Errors` [%]. `mean_inside` is the share of means of
     solved results inside the interval of their point, 0 to 1. The interval is widened by the error
-    of this mean itself, which is of a limited number of surfaces. `mean_width` is the mean width of
-    the intervals, without this widening, over the mean result [1].
+    of the mean of solved results, because it is over a limited number of surfaces. `mean_width` is
+    the mean width of the intervals, without this widening, over the mean result [1].
     """
     questions = surrogate.of_numbers(truth.numbers)
     answer = surrogate.predict_rows(questions, level=LEVEL, mean=True)

@@ -39,7 +39,7 @@ def run(
     world = farm.this_world()
     row_numbers = _row_numbers(rows)
     _require_sample_limit(sample_limit)
-    if dry_run:
+    if dry_run:  # the other processes have nothing to do
         if world.is_master:
             _print_plan(scene, output)
         return 0
@@ -58,15 +58,15 @@ def run(
     if world.is_master:
         _print_result(result, output)
     if result.signal and result.counts.pending:
-        # The exit code that a shell gives a process that a signal has ended.
+        # A shell gives this exit code to a process that a signal has ended.
         return 128 + result.signal
     return 0
 
 
 def _row_numbers(text: str) -> range | None:
-    """Return the row numbers "A:B" of the option --rows as a range; None, for all rows, if "".
+    """Return the rows A to B - 1 of the value "A:B" of the option --rows.
 
-    Raises InputError for any other text.
+    Return None, for all rows, if the text is "". Raises InputError for any other text.
     """
     if not text:
         return None
@@ -77,7 +77,7 @@ def _row_numbers(text: str) -> range | None:
 
 
 def _require_sample_limit(seconds: float | None) -> None:
-    """Refuse a time limit that is not above 0 or above `farm.LONGEST_LIMIT`; None is no limit."""
+    """Refuse a time limit [s] of 0 or less, or above `farm.LONGEST_LIMIT`; None means no limit."""
     if seconds is not None and not 0 < seconds <= farm.LONGEST_LIMIT:
         raise InputError(
             f"--sample-limit {seconds:g}: give seconds, a number above 0, at most"
@@ -169,7 +169,7 @@ def plot(
     """Draw one surface of a database and its pressure, and areas and solve times of all rows."""
     from gen.commands.picture import plot_database
 
-    check_outputs([Output(output, "--output", "picture")], [file])
+    check_outputs([Output(output, "--output", kind="picture")], inputs=[file])
     plot_database(file, output)
     echo(f"wrote {output}")
     _print_doubts(file)
@@ -203,7 +203,7 @@ def check(
         with Reader(file) as reader:
             other_solver = made_by_other_solver(int(reader.attributes["physics"]))
             counts = reader.counts()
-        # After the reader, whose error for a file of another kind is clearer.
+        # The reader comes first: its error for a file of another kind is clearer than this one.
         if repair:
             require_writable(file)
         if other_solver and recompute:
@@ -227,7 +227,7 @@ def check(
 def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":
     """Print each fault of a database as soon as it is known, and return all faults.
 
-    `recompute` rows are computed again, chosen by a generator with this `seed`.
+    `recompute` rows are chosen by a random generator with this `seed`, and computed again.
     """
     from gen.generation.check import faults
 
@@ -271,7 +271,7 @@ def _rows_are(number: int) -> str:
 def _print_doubts(file: Path) -> None:
     """Print doubts about the results in a database, as part of the report on standard output.
 
-    A doubt is a warning about the physics; it is not a fault of the file.
+    Each doubt is a line. It is a warning about the physics, not a fault of the file.
     """
     from gen.database import Reader
     from gen.generation.trial import doubts_after

@@ -50,7 +50,7 @@ class DescriptionFiles:
                 Output(self.table, "--csv"),
                 Output(self.json, "--json"),
                 Output(self.spectrum, "--spectrum"),
-                Output(self.picture, "--plot", "picture"),
+                Output(self.picture, "--plot", kind="picture"),
             ],
             inputs,
         )
@@ -134,9 +134,10 @@ class DescriptionOrder:
         Returns
         -------
         Row
-            The numbers by the names of their columns, in the units of `units_of_descriptions`; and
-            as texts the boundary unless it is free, the steps of the preparation, the warnings, and
-            the units, such as "height_rms um; nodes_a_wave 1".
+            The numbers by the names of their columns, in the units of `units_of_descriptions`. It
+            also has texts: the boundary unless it is free, the steps of the preparation
+            ("prepared"), the warnings, remarks on the self-affine law ("law"), and the units, such
+            as "height_rms um; nodes_a_wave 1".
         """
         topography = described.topography
         nodes_x, nodes_y = topography.heights.shape
@@ -182,7 +183,7 @@ def _cells_of_law(fit: SelfAffineFit | str) -> Row:
 def units_of_descriptions() -> dict[str, str]:
     """Return the units of the columns that `DescriptionOrder.row` can have, by the columns' names.
 
-    Numbers of nodes and lengths of sides are not among them.
+    The columns of the numbers of nodes and of the lengths of sides are left out.
     """
     from gen.maps.areal import PARAMETERS
     from gen.maps.texture import LAW_UNITS
@@ -225,7 +226,8 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
         printer.print_profiles(texture.profile_roughness(described.topography))
     printer.print_spectrum(described.fit, described.nodes_per_wave)
     has_spectrum = described.spectrum.wavenumbers.size > 0
-    if files.spectrum is not None and not has_spectrum:  # then `fit` is the reason
+    # Without a spectrum no law is fitted, so that `fit` is the reason.
+    if files.spectrum is not None and not has_spectrum:
         raise InputError(f"--spectrum {files.spectrum}: there is none, {described.fit}")
     _write_one(surface, order.row(described), files)
     if files.spectrum is not None:

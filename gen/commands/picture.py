@@ -63,7 +63,7 @@ def plot_database(file: Path, picture: Path) -> None:
     database = _read(file)
     upper_height = _height_of_maps(database.scene)
     lower_height = 3.8
-    title_height = 0.4  # [inches], as the others
+    title_height = 0.4  # [inches], as the other two heights
     figure.set_size_inches(WIDTH, upper_height + lower_height + title_height)
     top, bottom = figure.subfigures(2, 1, height_ratios=[upper_height, lower_height])
     figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
@@ -115,7 +115,8 @@ def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
     contact = solve_contact(scene, heights, hardness=hardness, **{load.kind: load.value})
     surface_title = _title_of_surface(scene, row, plan.parameters_of(0))
     contact_title = _title_of_contact(scene, contact)
-    # A narrow map is centred in its half, so that fewer letters fit into a line above it.
+    # A narrow map is centred in its half of the picture. Its title begins at its left side, so that
+    # fewer letters fit into a line: at least 0.4 of those above a square map.
     side_x, side_y = scene.grid.sides
     letters = int(LETTERS * min(1.0, 0.4 + 0.6 * side_x / side_y))
     maps = contact_maps(contact, surface_title, contact_title)

@@ -57,8 +57,8 @@ class ContactFiles:
             [
                 Output(self.table, "--csv"),
                 Output(self.json, "--json"),
-                Output(self.picture, "--plot", "picture"),
-                Output(self.flattened, "--flattened", "heights"),
+                Output(self.picture, "--plot", kind="picture"),
+                Output(self.flattened, "--flattened", kind="heights"),
             ],
             inputs,
         )
@@ -159,8 +159,8 @@ class PressingOrder:
         file : Path
             File of the map.
         progress : RunProgress
-            Progress of the command. All loads of the map are counted there, also if this raises an
-            error.
+            Progress of the command, to which all loads of the map are added. If an InputError is
+            raised, the loads that are left are added as failed.
 
         Returns
         -------
@@ -190,7 +190,7 @@ class PressingOrder:
                 else:
                     faults.append(f"not solved, left out: {solution.fault}")
                 counted += 1
-                progress.advance(1, failed=0 if is_solved else 1)
+                progress.advance(rows=1, failed=0 if is_solved else 1)
         except InputError:
             # The progress counts the loads that this map does not reach as failed.
             remaining = len(self.values) - counted
@@ -242,7 +242,10 @@ def _cells(answers: Sequence[Answer]) -> Row:
 
 
 def _record(topography: Topography, warnings: Sequence[str]) -> Row:
-    """Return two cells, "prepared" with the steps of the preparation, and "warnings"."""
+    """Return the cells "prepared", with the steps of the preparation, and "warnings".
+
+    In both, the lines are joined by "; ".
+    """
     return {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
 
 
@@ -318,9 +321,10 @@ def _write_one(surface: Path, rows: Sequence[Row], files: ContactFiles) -> None:
 
 
 def _write_flattened(path: Path, solved: SolvedLoads) -> None:
-    """Write the heights that the last load leaves as a NumPy file [um].
+    """Write the heights of the surface after the last load [um] as a NumPy file.
 
-    Raises InputError if a load was not solved, because the last one might be missing.
+    Raises InputError if any load was not solved, because heights after an earlier load could be
+    taken for those after the last one.
     """
     import numpy as np
 

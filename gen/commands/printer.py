@@ -92,9 +92,9 @@ def _print_rows(reader: Reader, counts: Counts) -> None:
 
 
 def _print_origin(reader: Reader) -> None:
-    """Print which versions made a database, when, and how later versions compute other results.
+    """Print with which versions, when, and by which commit and format a database was made.
 
-    The changes are printed only if another solver than that of this version made the database.
+    If another solver than that of this version made it, the changes of physics since then follow.
     """
     attributes = reader.attributes
     versions = json.loads(str(attributes["versions"]))
@@ -168,7 +168,10 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
 
 
 def _plan_of_surfaces(scene: Scene) -> str:
-    """Return a line with the number of samples and surfaces, the nodes, and the boundary."""
+    """Return a line with the numbers of samples and surfaces, and the nodes of a surface.
+
+    The boundary follows unless it is free, and then a second rough body if the scene has one.
+    """
     nx, ny = scene.grid.shape
     line = f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
     if scene.contact.boundary != "free":
@@ -429,7 +432,8 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     from gen.maps.contacts import CONTINUUM_ERROR
 
     repeated = {CONTINUUM_ERROR}  # the line of the area states its error already
-    if contact.approach == contact.delta:  # on a rigid far field
+    # On a rigid far field the approach is Delta, which has a line already.
+    if contact.approach == contact.delta:
         repeated.add(QUANTITIES["approach"].in_tables)
     x, y = contact.problem.spacing
     area = contact.contact_nodes * x * y  # [um2]
@@ -529,7 +533,7 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
 
 
 def _title(row: Row) -> str:
-    """Return the title of a row: the name of a map, or "mean" or "standard deviation"."""
+    """Return the title of a row of several maps: the map's name, "mean" or "standard deviation"."""
     if row["row"] == "surface":
         return str(row["surface"])
     return str(row["row"])

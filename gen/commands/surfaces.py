@@ -180,7 +180,8 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
     """Return the gas in the gap with its conductivity [W/(m K)] and its jump distance [um].
 
-    None if both options are left out; InputError if one is, or if a number is not allowed.
+    Both are values of options. None if both are left out. InputError if only one is left out, or
+    if a number is not allowed.
     """
     if conductivity is None and jump_distance is None:
         return None

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Indices
 from gen.database.disk import HeldFile, disk_trouble
-from gen.database.layout import LAYOUT, Attributes, lay_out, new_attributes
+from gen.database.layout import FILE_SETTINGS, Attributes, lay_out, new_attributes
 from gen.database.opening import (
     SIGNATURE,
     has_checksums,
@@ -163,7 +163,7 @@ def file_bytes(scene: Scene, rows: int) -> int:
     columns = stored_columns(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "one-row.h5"
-        with h5py.File(path, "w", locking=False, **LAYOUT) as file:
+        with h5py.File(path, "w", locking=False, **FILE_SETTINGS) as file:
             lay_out(file, scene, range(1), columns, new_attributes())
         size_with_one_row = path.stat().st_size
     row_bytes = sum(column.row_bytes(scene.grid.shape) for column in columns)
@@ -211,11 +211,10 @@ def open_or_create(
         return "created"
     with HeldFile(path) as held, open_file(path, writing=force) as file:
         source = Source.of(path, file)
-        require_scene(file, path, source.scene, scene, force=force)
+        require_scene(file, path, stored=source.scene, scene=scene, force=force)
         attributes = read_attributes(file)
-        if (
-            attributes["physics"] != PHYSICS
-        ):  # `require_scene` allows this only with `force`
+        # `require_scene` allows another physics number only with `force`.
+        if attributes["physics"] != PHYSICS:
             file.attrs.modify("physics_forced", PHYSICS)
             attributes["physics_forced"] = PHYSICS
         extended = range(
@@ -460,7 +459,7 @@ def _assemble(
     with trouble, unfinished(target, present, SIGNATURE) as temporary:
         if replaced is not None:
             _require_owner(path, target, temporary)
-        with h5py.File(temporary, "w", locking=False, **LAYOUT) as file:
+        with h5py.File(temporary, "w", locking=False, **FILE_SETTINGS) as file:
             lay_out(file, scene, rows, columns, attributes)
         # `lay_out` does not write values. Every row is written here, if only with fill values.
         with open_file(temporary, writing=True) as file:

@@ -18,7 +18,7 @@ from gen.runtime.installation import git_commit, versions
 from gen.scene import Scene
 from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, Column
 
-LAYOUT: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
+FILE_SETTINGS: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
 """Arguments of `h5py.File` for new files.
 
 The range of library versions gives the file's superblock version 2. Version 3 would mark a file
@@ -36,15 +36,17 @@ def new_attributes() -> dict[str, str | int]:
     Returns
     -------
     dict of str to str or int
-        The layout number, the physics number, versions of libraries, the commit of this program and
-        the present time, by the names of the attributes.
+        By the names of the attributes: "schema", the number of the layout; "physics", the number of
+        the results; "physics_forced", the other physics number that was forced onto the file, here
+        0 for none; "versions", a JSON text with the version of each library; "git_commit", the
+        commit of this program; "created", the present time in UTC.
     """
-    numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
+    library_versions = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
     return {
         "schema": SCHEMA,
         "physics": PHYSICS,
         "physics_forced": 0,  # no rows of another physics number are in the file
-        "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
+        "versions": json.dumps(library_versions | {"hdf5": h5py.version.hdf5_version}),
         "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }

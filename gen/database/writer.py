@@ -31,8 +31,9 @@ from gen.schema import CHECKSUM, STATUS, Status
 T = TypeVar("T")
 
 SYNC_SECONDS = 5.0
-"""Smallest time between two syncs of a writer [s]. A kill or a power cut costs about this time of
-work."""
+"""Smallest time between two syncs of a writer [s].
+
+At most about this much work of a process is lost by a kill or a power cut."""
 
 
 class Unsynced(NamedTuple):
@@ -103,8 +104,8 @@ class Writer(Reader):
         # If the file is refused, `opened` closes it. Otherwise this object takes over the closing.
         with ExitStack() as opened:
             file = self._open(opened)
-            self._take(file)
-            require_scene(file, path, self.scene, scene, force=force)
+            self._take(file)  # check the file; set scene, rows and _columns from it
+            require_scene(file, path, stored=self.scene, scene=scene, force=force)
             self._datasets = {
                 column.name: file[stored_path(file, column)] for column in self._columns
             }
@@ -298,7 +299,8 @@ class Writer(Reader):
     def _finish_after_trouble(self) -> str:
         """Try to finish the rows that were written before an error of the disk.
 
-        Return, as the end of the error's message, how many rows of the file are done.
+        Return the end of the error's message: how many rows of the file are done, and what to do.
+        Another error of the disk is ignored here; the rows that wait then stay pending.
         """
         with suppress(OSError, RuntimeError, ValueError):  # the disk may fail again
             self._sync()

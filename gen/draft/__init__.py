@@ -109,7 +109,7 @@ def _draft_windows(
     paths = map_files(inputs, Path.cwd())
     # Each file is read twice: as it is, and then with the preparation that suits all maps.
     with RunProgress(2 * len(paths), noun="readings") as progress:
-        proposal = propose(paths, reading, advance=lambda: progress.advance(1))
+        proposal = propose(paths, reading, advance=lambda: progress.advance(rows=1))
     print_surveys(proposal.surveys)
     text = scene_of_windows(proposal, bodies, inputs, command, output)
     scene = write(output, text)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gen.arrays import Heights
-from gen.draft.proposal import with_steps
+from gen.draft.proposal import with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.areal import areal_parameters
 from gen.maps.read import Sides, Topography
@@ -81,7 +81,7 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
         If the map cannot be used, or no self-affine law fits it.
     """
     [survey] = require_usable(survey_maps([path], reading))
-    reading = with_steps(reading, [survey])
+    reading = with_chosen_steps(reading, [survey])
     prepared = measure(survey, reading)
     topography = prepared.topography
     if topography is None:

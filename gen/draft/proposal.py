@@ -26,24 +26,27 @@ from gen.runtime.errors import InputError
 # Number of loads of each surface. Several loads on one surface cost less than one load on each of
 # several surfaces.
 LOADS_PER_SURFACE = 5
-# Number of windows as a multiple of the number that fits side by side. More windows would show the
-# same heights again.
+# Number of windows as a multiple of the number that fits side by side. More windows would only show
+# the same heights again.
 OVERLAP = 4
 FEWEST_WINDOWS = 200
 MOST_WINDOWS = 2000
 
-# possible numbers of nodes a side of a window, the largest first; cosine transforms of these
-# lengths are fast
+# Possible numbers of nodes along a side of a window, the largest first. Cosine transforms of these
+# lengths are fast.
 SIZES = (256, 192, 128, 96, 64, 48, 32)
-# Largest number of nodes a side, unless such a window is narrow compared with the texture.
+# Largest number of nodes along a side of a window, unless a window of this size is narrow compared
+# with the texture.
 USUAL = 128
-# smallest side of a window, in autocorrelation lengths, whose statistics are those of the map
+# Smallest side of a window in autocorrelation lengths: the statistics of a window that is at least
+# as wide are those of its map.
 WIDE = 5.0
 SHARE_OF_MAPS = 0.75  # smallest share of the maps that hold two windows along both axes
 FINE = 0.8  # share of the maps whose spacing is at most the common one
-# largest spacing of a map over the median spacing with which the map can set the common one
+# Maps whose spacing is above this multiple of the median spacing cannot set the common one.
 COARSE = 4.0
-# largest spacing of a map over the common one with which the map is used: rounding alone
+# Maps whose spacing is above this multiple of the common one are left out. The excess over 1 is
+# room for rounding.
 COARSER = 1.001
 
 
@@ -97,7 +100,7 @@ def propose(
     surveys = survey_maps(paths, reading, advance)
     spacing = common_spacing([survey.spacing for survey in require_usable(surveys)])
     surveys = [_unless_coarse(survey, spacing) for survey in surveys]
-    reading = with_steps(reading, usable(surveys))
+    reading = with_chosen_steps(reading, usable(surveys))
     measured = []
     for survey in surveys:
         if survey.fault:
@@ -178,7 +181,7 @@ def _number_of_windows(shapes: Sequence[tuple[int, int]], nodes: int) -> int:
     return 10 * round(number / 10)
 
 
-def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
+def with_chosen_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
     """Choose the steps of the preparation for the spikes, the form and the holes of maps.
 
     Parameters
@@ -186,7 +189,7 @@ def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
     reading : Reading
         How files are read.
     surveys : sequence of MapSurvey
-        Surveys of the maps without a fault, as their files have them.
+        Surveys of the usable maps, measured before any preparation (`survey_maps`).
 
     Returns
     -------
@@ -210,8 +213,8 @@ def with_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading:
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
     """Choose a spacing for all maps: the share `FINE` of them have this spacing or a finer one.
 
-    The spacing of a map is the larger one of its two axes. A map whose spacing is more than
-    `COARSE` times the median cannot set the common one.
+    The spacing of a map is that of the axis along which its nodes are further apart. A map whose
+    spacing is more than `COARSE` times the median cannot set the common one.
 
     Parameters
     ----------
@@ -238,9 +241,10 @@ def common_spacing(spacings: Sequence[Sides]) -> float | None:
 def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None:
     """Choose the nodes along each side of the windows.
 
-    The windows are the widest of which the share `SHARE_OF_MAPS` of the maps hold two side by side
-    along both axes, one for training and one for testing. If no size fits twice, they are the
-    widest that fit once. Sizes above `USUAL` are considered only for long autocorrelation lengths.
+    The largest size is chosen of which at least the share `SHARE_OF_MAPS` of the maps hold two
+    windows side by side along both axes, one for training and one for testing. If there is none,
+    the largest size is chosen of which this share of the maps hold one window. Sizes above `USUAL`
+    are considered only for long autocorrelation lengths.
 
     Parameters
     ----------
@@ -252,17 +256,17 @@ def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None
     Returns
     -------
     int or None
-        One of `SIZES`; None if no map holds the smallest size. Maps too small for the smallest size
-        are not counted.
+        One of `SIZES`; None if no map holds the smallest size. Shares are taken of the maps that
+        hold the smallest size.
     """
     sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
     if not sides:
         return None
     sizes = _sizes_for(length)
-    for windows in (2, 1):  # side by side
+    for windows in (2, 1):  # number of windows side by side
         for size in sizes:
-            maps_that_hold_them = sum(side >= windows * size for side in sides)
-            if maps_that_hold_them >= SHARE_OF_MAPS * len(sides):
+            large_enough = sum(side >= windows * size for side in sides)  # number of maps
+            if large_enough >= SHARE_OF_MAPS * len(sides):
                 return size
     return None
 
@@ -270,8 +274,8 @@ def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None
 def _sizes_for(length: float) -> list[int]:
     """Return the sizes of windows that suit an autocorrelation length, the largest first.
 
-    Sizes up to `USUAL` always do. A larger one does if the next smaller one is too narrow for the
-    length, which is given in distances of the nodes.
+    `length` is in distances of the nodes; NaN if it is not known. Sizes up to `USUAL` always suit
+    it. A larger one does if the next smaller one is narrower than `WIDE` autocorrelation lengths.
     """
     next_smaller = dict(pairwise(SIZES))
     return [size for size in SIZES if size <= USUAL or next_smaller[size] < WIDE * length]

@@ -251,7 +251,8 @@ def remarks(measured: MapSurvey) -> list[str]:
     Returns
     -------
     list of str
-        A few words for each property that the map has; no texts for a map that is neither.
+        A few words for each of the two properties that the map has; an empty list if it is neither
+        steep nor curved.
     """
     texts = []
     if measured.rms_slope > STEEP:

@@ -89,7 +89,7 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
 def _refuse_foreign(folder: Path, reader: Reader) -> None:
     """Raise InputError unless a folder is empty or holds an export of this database."""
     if all(path.name.startswith(".asperity") for path in folder.iterdir()):
-        return  # The folder is empty apart from its lock.
+        return  # The folder is empty, apart from its lock and unfinished files.
     origin = origin_of(folder / ROWS)
     if not origin:
         raise InputError(f"{folder} is not empty and no export: give a new folder")

@@ -25,20 +25,16 @@ from gen.runtime.files import digest
 from gen.runtime.terminal import printable
 from gen.schema import REASONS, Status
 
-DOI = re.compile(
-    r"10\.\d{4,9}/\S+"
-)  # digital object identifier (ISO 26324), without a resolver
+# digital object identifier (ISO 26324), without a resolver
+DOI = re.compile(r"10\.\d{4,9}/\S+")
 # beginnings with which an identifier is often written
 RESOLVER = re.compile(r"(https?://doi\.org/|doi:)", re.IGNORECASE)
 
 LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
 """An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""
 
-TEXTS = {
-    "title",
-    "creator",
-    "licence",
-}  # keys of a scene whose values are free texts of its author
+# keys of a scene whose values are free texts of its author
+TEXTS = {"title", "creator", "licence"}
 
 PATCHES = {
     "free": "a patch with free edges",
@@ -257,7 +253,10 @@ def _environment() -> Environment:
 
 
 def _json(text: str) -> Markup:
-    """Quote a text as JSON, which is YAML too; escape <, which may begin a tag of HTML."""
+    """Return a text as a literal of JSON, which is one of YAML too, for the head of the card.
+
+    "<" is escaped, because it may begin a tag of HTML.
+    """
     return Markup(json.dumps(text).replace("<", "\\u003c"))
 
 
@@ -271,7 +270,7 @@ def _number(value: float) -> str:
 def _plain(value: object) -> object:
     """Write a text in one line, and escape it so that Markdown shows its letters as they are.
 
-    Return `Markup`, and values that are no text, unchanged.
+    A value that is no text, or a text of the type `Markup`, is returned unchanged.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value

@@ -33,7 +33,7 @@ KEY = b"asperity"  # key of a file's metadata for the file's origin
 
 
 class Piece(NamedTuple):
-    """A Parquet file of an export."""
+    """A Parquet file of an export, which may not be written yet."""
 
     name: str  # path of the file in the folder of the export
     schema: pa.Schema  # columns of the file, the first of which is `sample`
@@ -236,7 +236,10 @@ def _rows_at_once(piece: Piece, reader: Reader) -> int:
 def _table(
     schema: pa.Schema, reader: Reader, done: DoneRows, start: int, stop: int
 ) -> pa.Table:
-    """Return the done rows from `start` to `stop` - 1 as a table with the columns of a schema."""
+    """Read the done rows from `start` to `stop` - 1 as a table with the columns of a schema.
+
+    The first column, `sample`, has the numbers of the rows in the plan of the scene.
+    """
     is_done = done.within(start, stop)
     samples = start + np.flatnonzero(is_done)
     arrays = [pa.array(samples, type=pa.int64())]

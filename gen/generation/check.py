@@ -398,9 +398,9 @@ def _recomputed_faults(
     machine or other versions have computed the row.
     """
     scene = reader.scene
-    m = scene.samples_per_surface
-    first = row // m * m  # first row of the surface
-    computed = compute_rows(scene, first, min(first + m, scene.samples))
+    per_surface = scene.samples_per_surface
+    first = row // per_surface * per_surface  # first row of the surface
+    computed = compute_rows(scene, first, min(first + per_surface, scene.samples))
     position = row - first
     for column in columns:
         stored = reader.column(column.name, row, row + 1)

@@ -37,9 +37,10 @@ UNSOLVED = (
     bem.NoSolution,
     bem.NotConverged,
 )
-"""Exceptions for a sample whose surface cannot be made or whose contact has no solution.
+"""Exceptions that say that a surface cannot be made, or that a contact is not solved.
 
-A SourceError is an InputError too. Where it has to end the run, it is caught before these.
+They include SourceError, which is an InputError. Where an error of the user's function has to end
+the run, an `except SourceError` comes before the one for these.
 """
 
 DOUBLED = (
@@ -56,7 +57,7 @@ WHOLE = 1e-6
 """Largest difference between a measured power and a whole number that rounding can explain."""
 
 HALVINGS = 8
-"""Number of loads that are tried until one has a solution, each of them half of the last one."""
+"""Largest number of loads that are tried, each of them half of the one before."""
 
 LEAST_LOAD = 0.01
 """Load at which powers are measured if the smallest load of a scene is 0, as a share of the largest
@@ -161,8 +162,8 @@ def completed(
     Raises
     ------
     InputError
-        If the scene names a file that is missing, if one name means two things, or if the outputs
-        stay unknown.
+        If the scene names a file that is missing, if a parameter or an output has the name of
+        something else, or if the outputs stay unknown.
     SourceError
         If a function of the user's fails or is not trusted. It is a kind of InputError.
     """
@@ -344,9 +345,9 @@ def _problems_over_the_loads(
 def _solvable(first: SampleProblem, load: float, limit: float | None) -> SampleProblem:
     """Return the problem `first` with another load, which is halved until there is a solution.
 
-    A load beyond full contact, for example, has none. `limit` is the largest time for each of the
-    `HALVINGS` loads [s]; Overtime is raised beyond it. Raises bem.NoSolution if no load has a
-    solution.
+    A load beyond full contact, for example, has none. The solution is not kept. `limit` is the
+    largest time for each of the `HALVINGS` loads [s]; Overtime is raised beyond it. Raises
+    bem.NoSolution if no load has a solution.
     """
     for halvings in range(HALVINGS):
         problem = replace(first, load=load / 2**halvings)
@@ -369,7 +370,7 @@ def _powers_at(problem: SampleProblem, limit: float | None) -> dict[str, Powers]
     outputs_doubled = [_outputs_at(problem, doubled, limit) for doubled in DOUBLED]
     powers = {}
     for name, output in outputs.items():
-        measured = []  # the powers of heights, lengths and E*, as far as they are whole
+        measured = []  # the whole powers among those of heights, lengths and E*, in this order
         for outputs_of_copy in outputs_doubled:
             power = _power(output, outputs_of_copy.get(name))
             if power is not None:

@@ -60,8 +60,8 @@ def planned_loads(scene: Scene) -> PlannedLoads:
 def measured_time(scene: Scene) -> MeasuredTime:
     """Measure the time of samples of a scene on this machine, by computing some of them.
 
-    The surfaces are chosen at equal distances from the first to the last one of the plan. On each
-    of them, the first samples are computed.
+    `MEASURED_SURFACES` surfaces are chosen at equal distances from the first to the last one of the
+    plan. On each of them the first `MEASURED_LOADS` samples are computed, or all if it has fewer.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def measured_time(scene: Scene) -> MeasuredTime:
     MeasuredTime
         Mean time of a sample, and the number of samples of which it is the mean.
     """
-    m = scene.samples_per_surface
+    per_surface = scene.samples_per_surface
     surfaces = np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)
     # The first sample of a process also takes the time to prepare Fourier transforms, which a run
     # needs only once. It is computed before the clock starts.
@@ -81,8 +81,8 @@ def measured_time(scene: Scene) -> MeasuredTime:
     measured = 0
     began = time.perf_counter()
     for surface in np.unique(surfaces).tolist():  # a short scene has fewer surfaces
-        start = surface * m
-        stop = min(start + min(m, MEASURED_LOADS), scene.samples)
+        start = surface * per_surface
+        stop = min(start + min(per_surface, MEASURED_LOADS), scene.samples)
         compute_rows(scene, start, stop)
         measured += stop - start
     elapsed = time.perf_counter() - began

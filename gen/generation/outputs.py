@@ -133,20 +133,21 @@ def outputs_for_row(store: Store, contact: bem.Contact, row: int) -> dict[str, f
     """
     units = store.outputs or {}  # the listed outputs: units by names
     outputs = call_function(store, contact, row)
-    place = f"{store.function}, row {row}: "  # beginning of messages
+    place = f"{store.function}, row {row}"  # beginning of messages
     if outputs.keys() != units.keys():
         raise SourceError(
-            f"{place}returned {_listed(outputs)}; the database has {_listed(units)}"
+            f"{place}: returned {_listed(outputs)}; the database has {_listed(units)}"
         )
     for name, output in outputs.items():
         smallest, largest = store.bounds(name)
         if output.unit not in {None, units[name]}:  # a number without a unit is accepted
             raise SourceError(
-                f"{place}{name} is in {output.unit!r}; the database has {units[name]!r}"
+                f"{place}: {name} is in {output.unit!r}; the database has {units[name]!r}"
             )
+        # NaN is within all bounds: it is neither below the smallest value nor above the largest.
         if output.value < smallest or output.value > largest:
             raise SourceError(
-                f"{place}{name} is {output.value:g}; its bounds in the scene are {smallest:g} and"
+                f"{place}: {name} is {output.value:g}; its bounds in the scene are {smallest:g} and"
                 f" {largest:g}"
             )
     return {name: output.value for name, output in outputs.items()}

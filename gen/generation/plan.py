@@ -146,13 +146,15 @@ def parameters(scene: Scene, start: int, stop: int) -> Plan:
     Plan
         Surfaces, parameters, loads, hardnesses and places of these rows.
     """
-    m = scene.samples_per_surface
-    surface = np.arange(start, stop, dtype=np.int64) // m
-    first = start // m  # first surface
-    last = -(-stop // m)  # the surface behind the last one; the quotient is rounded up
+    per_surface = scene.samples_per_surface
+    surface = np.arange(start, stop, dtype=np.int64) // per_surface
+    first = start // per_surface  # first surface
+    last = -(
+        -stop // per_surface
+    )  # the surface behind the last one; the quotient is rounded up
     drawn = _drawn_parameters(scene, first, last)
     places = {}
-    if scene.surface.PLACES:
+    if scene.surface.cuts_windows:
         randoms = (surface_random(scene, number) for number in range(first, last))
         places = scene.surface.places(randoms)
     hardness = None
@@ -195,20 +197,23 @@ def _drawn_parameters(scene: Scene, first: int, last: int) -> dict[str, Values]:
 
 def _loads(scene: Scene, start: int, stop: int) -> Values:
     """Draw the loads of the rows start to stop - 1 in the scene's quantity, shape (rows,)."""
-    m = scene.samples_per_surface
-    # Two numbers for each row; the items of the stream are surfaces with m rows.
+    per_surface = scene.samples_per_surface
+    # Two numbers for each row; the items of the stream are surfaces.
     stream = _Stream(
         seed=scene.seed,
         key=(OF_FRACTAL_AND_LOAD,),
         chunk=SURFACES_PER_STREAM,
-        per_item=2 * m,
+        per_item=2 * per_surface,
         before=len(FRACTAL) * SURFACES_PER_STREAM,
     )
-    first = start // m  # first surface
-    last = -(-stop // m)  # the surface behind the last one; the quotient is rounded up
+    first = start // per_surface  # first surface
+    last = -(
+        -stop // per_surface
+    )  # the surface behind the last one; the quotient is rounded up
     # The numbers of all rows of these surfaces, shape (rows, 2), then of the wanted rows.
     pairs = stream.uniform(first, last).reshape(-1, 2)
-    pairs = pairs[start - first * m : stop - first * m]
+    first_row = first * per_surface
+    pairs = pairs[start - first_row : stop - first_row]
     # The first number of a pair chooses the piece, the second one the place in its range. The last
     # piece has no upper border, because the rounded sum of the shares may be below 1.
     borders = np.cumsum([piece.share for piece in scene.pieces])[:-1]

@@ -331,7 +331,8 @@ def _prepared(
     """Create, extend or check the database on the master, and yield the first facts of the run.
 
     The lock of the database is held until this context manager ends. Failed rows are made pending
-    if the request says so. A few rows are tried for the warnings, but not written.
+    if the request says so. If rows are pending, the warnings follow from a trial of a few rows,
+    which are not written; otherwise they follow from the done rows.
     """
     from gen import database
 
@@ -403,8 +404,7 @@ def _remarks_on_functions(scene: Scene) -> list[str]:
 
 def _remarks_on_maps(scene: Scene) -> list[str]:
     """Return the generator's lines about its maps, or an empty list if it uses no maps."""
-    cuts_windows = bool(scene.surface.PLACES)
-    if not cuts_windows:
+    if not scene.surface.cuts_windows:
         return []  # the generator uses no maps
     return scene.surface.remarks()
 

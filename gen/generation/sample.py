@@ -87,7 +87,7 @@ def compute_rows(
     columns["host"][:] = socket.gethostname().encode()[:HOST_BYTES]
     samples = _Samples(scene=scene, plan=plan, columns=columns, limit=limit)
     # Positions of the first row of each surface, and the position behind the last row. No surface
-    # has the index -1.
+    # has the index -1, so both ends are edges.
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
     try:
         for first, last in itertools.pairwise(edges.tolist()):

@@ -30,7 +30,7 @@ Function = Annotated[str, Field(max_length=200, pattern=FUNCTION_PATTERN)]
 Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-def named(values: dict[str, T]) -> dict[str, T]:
+def checked_names(values: dict[str, T]) -> dict[str, T]:
     """Check the names in a table of a user's numbers, and sort the table by name.
 
     The order of the numbers in a scene has no meaning.
@@ -43,7 +43,7 @@ def named(values: dict[str, T]) -> dict[str, T]:
     Returns
     -------
     dict of str to any
-        The same values, in the alphabetical order of their names.
+        The given values, in the alphabetical order of their names.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class PythonSurface(GridSurface):
 
     generator: Literal["python"]
     function: Function = Field(description=FUNCTION_WORDS)
-    parameters: Annotated[dict[str, AnyNumber], AfterValidator(named)] = Field(
+    parameters: Annotated[dict[str, AnyNumber], AfterValidator(checked_names)] = Field(
         default={},
         description="a table of numbers, [low, high] and distributions by their names",
     )
@@ -97,10 +97,11 @@ class PythonSurface(GridSurface):
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random
     ) -> Heights:
-        """Call the function, and shift the lowest node to 0; see `GeneratedSurface.heights`.
+        """Override `GeneratedSurface.heights`: call the function, and shift the lowest node to 0.
 
-        SourceError if the function fails, or returns anything but real numbers of the shape of the
-        grid. InputError if they are not finite.
+        SourceError if the source has changed, the function fails, or it returns anything but real
+        numbers of the shape of the grid. InputError if they are not finite, or if the user does
+        not trust the functions.
         """
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
@@ -118,7 +119,7 @@ class PythonSurface(GridSurface):
 
 
 def _heights_of(returned: object, place: str) -> Heights:
-    """Return a copy of the heights that a user's function has returned [um], in whatever shape.
+    """Return a copy of the heights [um] that a user's function has returned; any shape passes.
 
     SourceError, with a message that begins with `place`, if they are no array of real numbers.
     """

@@ -87,7 +87,7 @@ FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
 
 
 def _another_or_files(value: object, info: ValidationInfo) -> str | tuple[str, ...]:
-    """Validate the key `against`: accept "another" and whatever `_files` accepts."""
+    """Validate the key `against`: return "another", or the files of `_files`."""
     if value == ANOTHER:
         return ANOTHER
     return _files(value, info)
@@ -118,7 +118,7 @@ def _table(name: str) -> type[Table]:
     """Make the pydantic class of the scene table `name`, which is `READ` or `PREPARED`.
 
     Its keys are the fields of `Reading` that belong to this table. Each is optional: None is the
-    default.
+    default, with which the field of `Reading` keeps its own default.
     """
     # Scenes also accept numbers for the side, which is a text in commands.
     types: dict[str, Any] = get_type_hints(Reading) | {"side": Lengths}
@@ -229,12 +229,15 @@ class ScanSurface(GeneratedSurface):
     )
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
-        """Return the nodes and sides [um] of a window; InputError unless the maps are recorded."""
+        """Override `GeneratedSurface.patch`: return the nodes and sides [um] of a window.
+
+        InputError unless the maps are recorded.
+        """
         dx, dy = self.recorded_maps().spacing
         nx, ny = pair(self.nodes)
         if cells:
-            return Patch((nx, ny), (dx * nx, dy * ny))
-        return Patch((nx, ny), (dx * (nx - 1), dy * (ny - 1)))
+            return Patch(nodes=(nx, ny), sides=(dx * nx, dy * ny))
+        return Patch(nodes=(nx, ny), sides=(dx * (nx - 1), dy * (ny - 1)))
 
     def recorded_maps(self) -> RecordedMaps:
         """Return the maps of the first body that a run has recorded in this table.
@@ -286,7 +289,7 @@ class ScanSurface(GeneratedSurface):
         return isinstance(self.against, tuple)
 
     def relevant(self, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the keys on which results depend: recorded maps count by content, not by path.
+        """Return the keys and values on which results depend: contents of maps, not their paths.
 
         `found` and `against` then hold `RecordedMaps.contents`. `files` and `against_found` are
         left out. If no maps are recorded, all keys are returned as they are.
@@ -302,7 +305,8 @@ class ScanSurface(GeneratedSurface):
     def sources(self) -> list[Path]:
         """Return the files of the maps of both bodies.
 
-        These are the recorded ones, or those that the patterns name if none are recorded.
+        If no maps are recorded, they are the files that the patterns name now. InputError if a
+        pattern names no file.
         """
         if self.found is None:
             patterns = [*self.files]
@@ -318,7 +322,9 @@ class ScanSurface(GeneratedSurface):
         """Return the table with the maps that its patterns name, prepared and opened.
 
         A table with recorded maps is returned as it is, after its files are checked and its maps
-        opened. Prepared maps are kept beside the database `home`, or in the temporary folder.
+        opened. Prepared maps are kept in `home`, the folder of the database, or if that is None or
+        cannot be written to, in the temporary folder of this user. InputError if a map cannot be
+        used, or the maps of both bodies do not fit together.
         """
         if self.found is not None:
             self.make_ready(home, sources=True)
@@ -333,10 +339,11 @@ class ScanSurface(GeneratedSurface):
     def _search(self, home: Path | None) -> RecordedMaps:
         """Search for the maps of the first body, prepare them, and open them for this process.
 
-        `home` is the folder in which the prepared maps are kept.
+        `home` is the folder in which the prepared maps are kept; None for the temporary folder. The
+        result has the files, contents and nodes of the maps. InputError if a map cannot be used.
         """
         paths = library.map_files(self.files, Path.cwd())
-        sha256s = library.digests(paths)
+        sha256s = library.hashes_of_maps(paths)
         maps = library.prepared_maps(paths, sha256s, self._recipe(), home)
         recorded_maps = tuple(
             RecordedMap(file=str(path), sha256=sha256, nodes=shape)
@@ -350,9 +357,10 @@ class ScanSurface(GeneratedSurface):
     def make_ready(
         self, home: Path | None, *, sources: bool = False, verify: bool = True
     ) -> None:
-        """Open the recorded maps of both bodies in this process.
+        """Override `GeneratedSurface.make_ready`: open the recorded maps of both bodies.
 
-        See `GeneratedSurface.make_ready`.
+        They stay open in this process, in `_OPEN`. If they are open already, nothing is done unless
+        the original files are needed.
         """
         if self._has_maps_of_second_body:
             self.second_body().make_ready(home, sources=sources, verify=verify)

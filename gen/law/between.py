@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law.curves import Curve, Curves, held, risen, slopes
+from gen.law.curves import Curve, Curves, risen, slopes, without_reversals
 from gen.law.lines import LEVEL, Column, curve_through
 from gen.quantities import AREA, CLOSURE, PRESSURE
 
@@ -275,7 +275,7 @@ def _missed(solved: Curves, contacts: Curves) -> Values:
 def merged(first: Curves, second: Curves) -> Curves:
     """Join two tables of one law, sorted by argument.
 
-    Values that turn back are held monotone, and slopes are computed anew.
+    Values that turn back are replaced by `without_reversals`, and slopes are computed anew.
 
     Parameters
     ----------
@@ -324,6 +324,6 @@ def _joined(
     for part in ("value", "low", "high"):
         values = np.append(getattr(first, part), getattr(second, part))[order]
         if np.isfinite(values).all():  # NaN would spread to all later values
-            values = held(name, values)
+            values = without_reversals(name, values)
         parts[part] = values
     return Curve(**parts, slope=slopes(at[order], parts["value"], at_rest))

@@ -20,7 +20,7 @@ from gen.arrays import Values
 from gen.doubts import material_doubts
 from gen.law.bands import assumption, described
 from gen.law.between import check_loads, merged, solve_between, solve_for_lines
-from gen.law.curves import APART, Curves, Points, held, risen, tabulated
+from gen.law.curves import APART, Curves, Points, risen, tabulated, without_reversals
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
 from gen.law.surfaces import LawSurfaces, Source, read_law_surfaces
@@ -132,7 +132,10 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
 
 
 def _band_of_one_surface(tables: Tables) -> str:
-    """Describe the band of one surface: the error of the grid, if this resolves a contact."""
+    """Describe the band of one surface: the error of the grid, if the grid resolves a contact.
+
+    The text says that there is no band if the grid resolves none, or was not judged.
+    """
     for table in (tables.over_delta, tables.over_pressure):
         if table.resolved_somewhere:
             return "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -190,7 +193,7 @@ def law_of(
     notes += [f"warning: {doubt}" for doubt in material_doubts(bodies)]
     notes += tables.remarks
     nodes = min(surface.heights.size for surface in subjects.surfaces)
-    # These are "" if there is nothing to say.
+    # Each of these remarks is "" if there is nothing to say; `if note` below leaves it out.
     notes += [pressures.remark, deltas.remark, _few_nodes(over_pressure, nodes)]
     return Law(
         order=order,
@@ -227,8 +230,13 @@ def _with_conductance(table: Curves, order: Order, bodies: Bodies) -> Curves:
 
 
 def _few_nodes(over_pressure: Curves, nodes: int) -> str:
-    """Say up to which pressure fewer than `FEW` nodes touch; "" if they never do."""
-    touching = over_pressure.curves[AREA.in_laws].value * nodes / 100
+    """Say up to which pressure fewer than `FEW` nodes touch; "" if more touch at all pressures.
+
+    `nodes` is the number of nodes of the smallest surface. `over_pressure` has the area [%] against
+    the pressure [MPa].
+    """
+    area = over_pressure.curves[AREA.in_laws].value  # in percent of the nominal area
+    touching = nodes * area / 100  # number of nodes in contact
     pressures = over_pressure.at[(touching > 0) & (touching < FEW)]
     if not pressures.size:
         return ""
@@ -297,8 +305,9 @@ def _table(
 ) -> Curves:
     """Tabulate contacts against their loads. `from_rest` puts first touch before them.
 
-    Values that turn back are held at the extreme value before, see `held`: they turn back only
-    within the tolerance of the solver. `at_rest` are the values at first touch of each surface.
+    Values that turn back are replaced by the extreme value before (`without_reversals`): they turn
+    back only within the tolerance of the solver. `at_rest` has the values at first touch of each
+    surface.
     """
     loads = contacts.loads
     parts = contacts.points
@@ -306,16 +315,18 @@ def _table(
         loads = np.append(0.0, loads)
         pairs = zip(parts, at_rest, strict=True)
         parts = [part.from_rest(first_touch) for part, first_touch in pairs]
-    parts = [_held(part) for part in parts]
+    parts = [_without_reversals(part) for part in parts]
     table = tabulated(
         ARGUMENTS[load], loads, parts, order.coverage, mean_at_rest(at_rest)
     )
     return replace(table, grid=parts[0].grid)  # judged on the first surface alone
 
 
-def _held(points: Points) -> Points:
-    """Return points whose values are made monotone by `held`, with unchanged intervals."""
-    values = {name: held(name, array) for name, array in points.values.items()}
+def _without_reversals(points: Points) -> Points:
+    """Return points with the values of `without_reversals`, and with unchanged intervals."""
+    values = {
+        name: without_reversals(name, array) for name, array in points.values.items()
+    }
     return replace(points, values=values)
 
 
@@ -353,7 +364,8 @@ def _contacts_for_other_table(
     contacts = solver.solve_some("delta", means, like=other.points)
     if not contacts.begins_in_full_contact:
         return contacts
-    # The surfaces are so unlike that a mean displacement presses one of them flat.
+    # No mean displacement was solved, or the surfaces are so unlike that the first mean presses one
+    # of them flat: take the smallest displacements.
     smallest = np.sort(of_surfaces.min(axis=0))
     shorter = solver.solve_some("delta", smallest[risen(smallest)], like=other.points)
     # If no displacement was left out, the first one is already that of full contact.

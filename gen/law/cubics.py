@@ -37,7 +37,7 @@ from gen.quantities import ALSO, CLOSURE, IN_LAWS
 from gen.runtime import VERSION, files
 from gen.runtime.installation import git_commit
 
-FUNCTIONS = Path(__file__).parent
+TEMPLATES = Path(__file__).parent
 """Folder of the templates law.h.in and law_4c.py.in, which have the functions of the files."""
 
 PER_LINE = 5
@@ -155,6 +155,7 @@ def _band_in_words(law: Law) -> str:
             f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
         )
     functions = "No functions _low and _high"
+    # The area in the continuum is the only quantity whose band `Curves.banded` does not consider.
     if any(curve.banded.all() for curve in law.over_pressure.curves.values()):
         functions = "Functions _low and _high of the area in the continuum alone"
     return f"{functions}. Band: {law.band}."
@@ -227,8 +228,10 @@ class Function:
     def deviation(self) -> Deviation:
         """Largest relative distances of the cubic from the contacts between its points.
 
-        Each is the distance of a contact from the cubic over the contact's value; for a quantity
-        that falls, and may reach 0, over the value at first touch. NaN if nothing is to compare.
+        Each distance is divided by the value of the contact. For a quantity that falls, it is
+        divided by the value at first touch, because the value of the contact may be 0. Both are NaN
+        if there is no contact with a known value, or if the cubic has fewer than two points or
+        a value that is not finite.
         """
         usable = np.isfinite(self.between.values)
         if not usable.any() or self.at.size < 2 or not np.isfinite(self.values).all():
@@ -241,9 +244,8 @@ class Function:
         reference = np.abs(contacts)
         if self.falls:
             reference = np.full(contacts.shape, abs(self.values[0]))
-        reference = np.where(
-            reference > 0, reference, np.inf
-        )  # a contact of 0 does not count
+        # A contact whose value is 0 gets the relative distance 0.
+        reference = np.where(reference > 0, reference, np.inf)
         distances = np.abs(cubic(self.between.at[usable]) - contacts) / reference
         return Deviation.of(distances, self.between.inside[usable])
 
@@ -261,12 +263,13 @@ def _functions_of(law: Law, table: Curves, between: Curves | None) -> Iterator[F
     `between` has the contacts that were solved between the arguments of the table, or is None.
     """
     for quantity, curve in table.curves.items():
-        parts = {"": "value"}  # attributes of a curve, by the end of the function's name
-        # With any band all quantities have both ends, which are NAN where no band holds.
+        yield _function(law, table, between, quantity, part="value")
+        # If the table has a band anywhere, all quantities have functions for both ends of the band,
+        # which are NAN where no band holds. Otherwise only the area in the continuum may have them:
+        # its band is not part of `Curves.banded`.
         if table.banded or curve.banded.all():
-            parts |= {"_low": "low", "_high": "high"}
-        for suffix, part in parts.items():
-            yield _function(law, table, between, quantity, part, suffix)
+            yield _function(law, table, between, quantity, part="low")
+            yield _function(law, table, between, quantity, part="high")
 
 
 def _function(
@@ -275,19 +278,23 @@ def _function(
     between: Curves | None,
     quantity: str,
     part: str,
-    suffix: str,
 ) -> Function:
-    """Return the function of a part of a curve: "value", "low" or "high".
+    """Return the function of a part of a quantity's curve: "value", "low" or "high".
 
-    `suffix` ends its name: "", "_low" or "_high".
+    The name of the function of an end of the band ends with "_low" or "_high". `between` has the
+    contacts between the arguments of the table; None if there are none.
     """
+    suffix = ""
+    if part != "value":
+        suffix = f"_{part}"
     argument = short_name(table.against)
     over = ""
     if argument == "pressure":
         over = "_at_pressure"
     at = table.at
     values = getattr(table.curves[quantity], part)
-    if at.size and at[0] > 0:  # only curves over Delta begin at first touch
+    if at.size and at[0] > 0:
+        # A table over pressure may lack the point of first touch: put it in front.
         at = np.append(0.0, at)
         values = np.append(_at_first_touch(law, quantity, part), values)
     return Function(
@@ -296,7 +303,7 @@ def _function(
         at=at,
         values=values,
         goes_on=_goes_on(quantity),
-        tangent=not suffix,
+        tangent=part == "value",  # the ends of a band have no tangent
         between=_contacts_between(law, between, quantity, part),
         falls=trend(quantity) == "falls",
     )
@@ -368,7 +375,7 @@ def _body(functions: Iterable[Function], name: str) -> Iterator[str]:
     `name` begins all names. The functions of one argument have to follow each other.
     """
     yield "#include <math.h>"
-    template = (FUNCTIONS / "law.h.in").read_text(encoding="ascii")
+    template = (TEMPLATES / "law.h.in").read_text(encoding="ascii")
     yield "\n" + template.replace("NAME", name)
     last_argument = ""
     for function in functions:
@@ -448,7 +455,7 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
     ]
     lines = list(comment(paragraphs, "# "))
     lines.append("")
-    lines += (FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()
+    lines += (TEMPLATES / "law_4c.py.in").read_text(encoding="ascii").splitlines()
     for name, values in columns.items():
         lines += ["", f"{name} = ("]
         lines += [f"    {value!r}," for value in values.tolist()]

@@ -398,7 +398,9 @@ def tabulated(
     withheld = outside > (1 - level) / 2  # where there is no band
     if len(parts) == 1:
         reasons = _reasons_of_one_surface(parts[0])
-        if parts[0].endless:
+        if parts[
+            0
+        ].endless:  # points inside the training without an interval have a reason, too
             withheld |= np.array(reasons, dtype=bool)
     else:
         reasons = _reasons_of_population(parts)
@@ -549,14 +551,14 @@ class Monotone:
     """Points of one surface whose curves are monotone."""
 
     points: Points
-    corrections: dict[str, Values]  # new less old values, (k,), by names in laws
+    corrections: dict[str, Values]  # new values minus old values, (k,), by names in laws
 
 
 def monotone(points: Points) -> Monotone:
     """Make the curves of one surface monotone by least squares.
 
-    Unchanged are Delta, quantities that turn, and quantities with a value that is not finite.
-    Points outside the training have a small weight, so that they move those inside very little.
+    Delta, quantities that turn, and quantities with a value that is not finite stay unchanged.
+    Points outside the training have a small weight, so that they hardly move the points inside.
     `endless` and `grid` are dropped.
 
     Parameters
@@ -567,8 +569,8 @@ def monotone(points: Points) -> Monotone:
     Returns
     -------
     Monotone
-        The new points, and the corrections. Ends of intervals are moved if a value would lie beyond
-        them.
+        The new points, and the corrections. Ends of intervals are made monotone, too, and are moved
+        to the value if the value would lie beyond them.
     """
     from scipy.optimize import isotonic_regression
 
@@ -594,7 +596,9 @@ def monotone(points: Points) -> Monotone:
 
 
 def continued(points: Points, larger: Points) -> Points:
-    """Append points at larger Delta, and hold values and ends of intervals monotone by `held`.
+    """Append points at larger loads, and replace values that turn back by `without_reversals`.
+
+    The ends of intervals are made monotone, too.
 
     Parameters
     ----------
@@ -612,9 +616,9 @@ def continued(points: Points, larger: Points) -> Points:
     def appended(
         arrays: dict[str, Values], at_larger: dict[str, Values]
     ) -> dict[str, Values]:
-        """Return the arrays with the ones at larger Delta behind them, held monotone."""
+        """Return the arrays with those at larger loads behind them, without reversals."""
         return {
-            name: held(name, np.append(array, at_larger[name]))
+            name: without_reversals(name, np.append(array, at_larger[name]))
             for name, array in arrays.items()
         }
 
@@ -626,7 +630,7 @@ def continued(points: Points, larger: Points) -> Points:
     )
 
 
-def held(name: str, values: Values) -> Values:
+def without_reversals(name: str, values: Values) -> Values:
     """Replace each value that turns back by the extreme of the values before it.
 
     Parameters

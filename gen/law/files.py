@@ -69,8 +69,8 @@ def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If the law closes nowhere, and a file other than CSV and JSON is named; then no file is
-        written. Or if a program cannot take the law; then the files before are written.
+        If the law closes nowhere, and a file other than CSV and JSON is named; no file is written
+        then. Also if a program cannot take the law; the files before its own are written then.
     """
     paths = {name: getattr(files, name) for name in WRITERS}
     named = {name: path for name, path in paths.items() if path is not None}

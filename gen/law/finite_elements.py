@@ -228,7 +228,7 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
         conductances = np.append(gas_alone, conductances[kept])
     places = usable_places[kept]
     inside = in_range(table, law.nodes)[places]
-    # First touch is taken to be as the first contact.
+    # First touch is taken to be inside the range of `in_range` if the first contact is.
     return Joint(
         pressures=np.append(0.0, table.at[places]),
         closures=np.append(0.0, closures[kept]),
@@ -300,7 +300,8 @@ def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
     pressure = _pressure_column(joint)
     behaviour = pressure.laid()
     if calculix:
-        # One of its points is the first of `FAR`. All others are laid, even if fewer are enough.
+        # CalculiX has room for `CALCULIX_POINTS`, the last of which is the first one of `FAR`. All
+        # the other ones are laid, even if fewer would follow the law well enough.
         behaviour = pressure.laid(CALCULIX_POINTS - 1, filled=True)
     deviations = {"pressure": pressure.deviation(behaviour)}
     if not side:
@@ -619,7 +620,8 @@ def _advice_for_calculix(*, conducts: bool) -> Iterator[str]:
 def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Values]:
     """Append the points at `FAR` on the last slope to pressures and overclosures, both (k,).
 
-    All are in the units of the file. Raises InputError if the law closes as far as `FAR`.
+    All are in the units of the file. Raises InputError if the last overclosure reaches the first
+    one of `FAR`.
     """
     if overclosures[-1] >= FAR[0]:
         raise InputError(

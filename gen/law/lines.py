@@ -32,8 +32,8 @@ The slopes of lines between points on the law change as smoothly as the law's, s
 converge."""
 
 TOLERABLE = 0.04
-"""Largest relative distance at which a table with little room still goes through the loads asked
-for."""
+"""Largest relative distance at which a table with little room still has the law's values at all
+loads that the user gave."""
 
 FAR_WEIGHT = 0.25
 """Weight of a distance where few or nearly all nodes touch; the weight elsewhere is 1. So 1 /
@@ -50,8 +50,8 @@ MOST_WIDTH = 10.0
 """Largest half width of a corridor, as a share of the law, in which a path is searched for."""
 
 PART_RISE = 0.03
-"""Relative rise of the law, about, between neighbouring places at which a path is compared with
-it."""
+"""Approximate relative rise of the law between neighbouring places at which a path is compared with
+the law."""
 
 LEVELS = np.linspace(-1, 1, 7)
 """Heights above the law at which a path may have vertices, as shares of the corridor's half

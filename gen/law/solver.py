@@ -284,7 +284,7 @@ def _counted(
         yield contact
         if progress is not None:
             is_unsolved = contact.pressed is None
-            progress.advance(1, failed=int(is_unsolved))
+            progress.advance(rows=1, failed=int(is_unsolved))
 
 
 def _left_out(solved: Sequence[SolvedSurface], place: int) -> str:
@@ -332,7 +332,7 @@ def _solved_contact(
     if not judged:
         return SolvedContact(quantities, pressed=pressed)
     error = contact.grid_error()
-    if not error.resolved:
+    if not error.verdicts["area"]:
         return SolvedContact(quantities, unresolved=error.reason, pressed=pressed)
     return SolvedContact(quantities, grid_error=error.area_percent, pressed=pressed)
 
@@ -370,7 +370,10 @@ def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Point
 def _unresolved_remark(
     surface: LawSurface, load: Load, loads: Values, contacts: Sequence[SolvedContact]
 ) -> list[str]:
-    """Return a line on the loads at which the grid does not resolve the contact, if there are."""
+    """Return a list with a line on the loads at which the grid does not resolve the contact.
+
+    The list is empty if the grid resolves the contact at all loads.
+    """
     reasons = [contact.unresolved for contact in contacts]
     unresolved = loads[[bool(reason) for reason in reasons]]
     if not unresolved.size:

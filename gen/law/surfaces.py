@@ -80,6 +80,13 @@ class LawSurface(Topography):
         dict of float
             Values by names in laws, in the units of laws. Quantities that are 0 at first touch on
             every surface are left out.
+
+        Raises
+        ------
+        ValueError
+            If a quantity depends on a medium that `media` lacks.
+        ArithmeticError
+            If the flow through the gap, for an aperture, does not converge.
         """
         problem = self.posed()
         return {
@@ -154,9 +161,8 @@ class LawSurfaces:
 
     surfaces: Sequence[LawSurface]
     inputs: Sequence[LawInput]
-    doubts: Sequence[
-        str
-    ] = ()  # warnings about the surfaces, each with the name of its input
+    # Warnings about the surfaces, each with the name of its input.
+    doubts: Sequence[str] = ()
     sources: Sequence[Source] = ()  # files of the surfaces and their preparation
 
     @property
@@ -273,7 +279,10 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
 
 
 def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
-    """Generate the first `number` surfaces of a scene; `text` is the input that names the scene."""
+    """Generate the first `number` surfaces of a scene, and return them as an input of a law.
+
+    `text` is the input that names the scene: its path, or the name of a shipped scene.
+    """
     population = list(_population(scene, text, number))
     doubts = [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
     against = scene.surface.against
@@ -399,17 +408,18 @@ def _sources_of_scene(scene: Scene, text: str) -> list[Source]:
 
 
 def _maps_of_scans(surface: ScanSurface) -> list[SourceFile]:
-    """Return the maps of both bodies of a scene that is ready to generate.
+    """Return the maps of both bodies of a scene whose maps a run has recorded.
 
     Hashes are taken from the scene, not from the files: a database knows maps by their content, and
     the files may have moved.
     """
     files: list[SourceFile] = []
-    for bodies in (surface.found, surface.against_found):
-        if bodies is not None:
-            files += [
-                SourceFile(path=entry.file, sha256=entry.sha256) for entry in bodies.maps
-            ]
+    for recorded in (surface.found, surface.against_found):  # one body each
+        if recorded is None:  # there are no maps of a second body
+            continue
+        files += [
+            SourceFile(path=entry.file, sha256=entry.sha256) for entry in recorded.maps
+        ]
     return files
 
 
@@ -478,9 +488,10 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
 
 
 def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
-    """Return a doubt about the surfaces of a scene if most are too steep for the theory.
+    """Return a list of one doubt, or none: that most surfaces are too steep for the theory.
 
-    There is one line at most, if a larger share than `DOUBTED_SHARE` is steeper than `STEEP_ROW`.
+    There is a doubt if a larger share of the surfaces than `DOUBTED_SHARE` has an rms slope above
+    `STEEP_ROW`.
     """
     slopes = [rms_slope(surface.heights, surface.spacing) for surface in population]
     steep = [slope for slope in slopes if slope > STEEP_ROW]

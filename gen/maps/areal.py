@@ -129,7 +129,7 @@ def _scaled(heights: Heights) -> _ScaledHeights:
     middle = lowest + 0.5 * span
     scaled = (heights - middle) / unit
     scaled -= scaled.mean()
-    return _ScaledHeights(scaled, unit)
+    return _ScaledHeights(heights=scaled, unit=unit)
 
 
 def _amplitudes(scaled: _ScaledHeights) -> dict[str, float]:
@@ -258,7 +258,7 @@ def _equivalent_line(curve: _MaterialCurve) -> _EquivalentLine:
     from_mean = ratios - mean_ratio
     slope = float(from_mean @ core / np.sum(from_mean**2))
     top = start + (float(core.mean()) - slope * float(mean_ratio))
-    return _EquivalentLine(top, slope)
+    return _EquivalentLine(top=top, slope=slope)
 
 
 @dataclass(frozen=True)
@@ -317,7 +317,7 @@ def gradients(
     """
     if periodic:
         heights = np.pad(heights, (0, 1), mode="wrap")
-    # of the gradients in units of the largest slope: it cannot overflow
+    # mean square of the gradients, in units of the square of the largest slope: it cannot overflow
     mean_square = 0.0
     gained_area = 0.0  # over the projected area
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
@@ -348,7 +348,8 @@ class _AutocorrelationLengths:
 
     # Sal [um]; NaN if the autocorrelation falls to `DECAY` along no direction
     shortest: float
-    aspect: float  # Str [1]; NaN if it does not fall to `DECAY` along every direction
+    # Str [1]; NaN unless the autocorrelation falls to `DECAY` along every direction
+    aspect: float
     reason: str  # why a number is NaN, "" if none is
 
 
@@ -357,7 +358,7 @@ def _autocorrelation_lengths(
 ) -> _AutocorrelationLengths:
     """Compute Sal and Str of heights, shape (nx, ny), which are counted from their mean.
 
-    The heights are not all zero and in any unit, and the spacing along x and y is in um.
+    The heights have any unit, and not all of them are 0. The spacing is that along x and y [um].
     """
     correlation = autocorrelation(heights, periodic=periodic)
     decays = decay_lengths(correlation, spacing)
@@ -454,7 +455,7 @@ def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> DecayLen
         ray = _ray(correlation, spacing, angle)
         reaches[index] = ray.lags[-1]
         lengths[index] = ray.decay_length
-    return DecayLengths(lengths, reaches)
+    return DecayLengths(lengths=lengths, reaches=reaches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -473,7 +474,7 @@ class _Ray:
         below = np.flatnonzero(self.values <= DECAY)
         if not below.size:
             return math.inf
-        last = below[0]  # not 0, as the autocorrelation is 1 there
+        last = below[0]  # 1 or more, because the autocorrelation is 1 at lag 0
         first = last - 1
         fall = self.values[first] - self.values[last]
         share = (self.values[first] - DECAY) / fall
@@ -490,8 +491,8 @@ def _ray(correlation: Values, spacing: tuple[float, float], angle: float) -> _Ra
     largest_x = correlation.shape[0] - 1
     largest_y = correlation.shape[1] // 2
     nodes_x = math.cos(angle) / spacing[0]  # nodes along x in a lag of 1 um
-    nodes_y = math.sin(angle) / spacing[1]
-    # A direction along one axis never leaves the grid along the other axis.
+    nodes_y = math.sin(angle) / spacing[1]  # nodes along y in a lag of 1 um
+    # A direction along one axis, but for rounding, never leaves the grid along the other axis.
     reaches = []
     if nodes_x > 1e-12 / spacing[0]:
         reaches.append(largest_x / nodes_x)
@@ -500,15 +501,16 @@ def _ray(correlation: Values, spacing: tuple[float, float], angle: float) -> _Ra
     farthest = min(reaches)
     steps = 2 * math.ceil(farthest * max(nodes_x, abs(nodes_y)))
     lags = np.linspace(0.0, farthest, steps + 1)
-    # No lag along y has the index `largest_y`.
+    # In the correlation, a lag of 0 along y has the index `largest_y`.
     values = _bilinear(correlation, lags * nodes_x, lags * nodes_y + largest_y)
-    return _Ray(lags, values)
+    return _Ray(lags=lags, values=values)
 
 
 def _bilinear(values: Values, x: Values, y: Values) -> Values:
-    """Interpolate values on a grid, shape (m, n), at places (x, y), each of shape (k,).
+    """Interpolate values on a grid, shape (m, n), bilinearly at k places.
 
-    Places count in nodes from the first one. Return the values at the places, shape (k,).
+    `x` and `y`, shape (k,), are the distances of the places from the first node, in nodes. Return
+    the values at the places, shape (k,).
     """
     nx, ny = values.shape
     i = np.clip(np.floor(x).astype(int), 0, nx - 2)

@@ -333,25 +333,28 @@ def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line
     added_nodes = added.heights.shape[axis]
     step = grid.spacing[axis]
     if shift == 0 and math.isclose(step, added.spacing[axis], rel_tol=SAME):
-        # If one number of nodes is odd and the other even, half a spacing brings nodes on nodes.
+        # If one map has an odd number of nodes and the other an even one, half a spacing brings the
+        # nodes of both maps together.
         shift = step * ((grid_nodes - added_nodes) % 2) / 2
     from_grid_centre = (np.arange(grid_nodes) - (grid_nodes - 1) / 2) * step
     from_added_centre = from_grid_centre - shift
     places = from_added_centre / added.spacing[axis] + (added_nodes - 1) / 2
     nearest = np.rint(places)
     places = np.where(np.abs(places - nearest) < SAME, nearest, places)
-    # Maps without edges and of equal length overlap everywhere, but a mirrored one only unshifted.
+    # Maps of equal length without edges overlap everywhere: periodic ones always, mirrored ones if
+    # they are not shifted.
     if math.isclose(grid.sides[axis], added.sides[axis], rel_tol=SAME):
         all_nodes = slice(0, grid_nodes)
         if grid.boundary == "periodic":
-            return _Line(all_nodes, places % added_nodes, continued="wrap")
+            wrapped = places % added_nodes
+            return _Line(nodes=all_nodes, places=wrapped, continued="wrap")
         if grid.boundary == "mirror" and shift == 0:
-            return _Line(all_nodes, places, continued="symmetric")
+            return _Line(nodes=all_nodes, places=places, continued="symmetric")
     inside = np.flatnonzero((places >= 0) & (places <= added_nodes - 1))
     if not inside.size:
-        return _Line(slice(0, 0), places[:0], continued="")
+        return _Line(nodes=slice(0, 0), places=places[:0], continued="")
     nodes = slice(int(inside[0]), int(inside[-1]) + 1)
-    return _Line(nodes, places[nodes], continued="")
+    return _Line(nodes=nodes, places=places[nodes], continued="")
 
 
 def _interpolated(values: Values, line: _Line, axis: int) -> Values:

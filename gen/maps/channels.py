@@ -19,14 +19,14 @@ class Channel:
 
     index: int  # index of the map in the file
     name: str  # name of the map
-    heights: bool  # whether the map holds heights
+    holds_heights: bool
     unit: str  # unit of its values, "" if unknown
 
     @property
     def label(self) -> str:
         """Index and name of the map; without heights also its unit, in brackets."""
         name = f"{self.index} {self.name!r}"
-        if self.heights:
+        if self.holds_heights:
             return name
         unit = f"in {self.unit}" if self.unit else "unit unknown"
         return f"{name} ({unit}, no heights)"
@@ -69,7 +69,7 @@ def choose_channel(
     if reading.channel:
         chosen = _named_channel(path, channels, reading.channel)
     else:
-        with_heights = [channel for channel in channels if channel.heights]
+        with_heights = [channel for channel in channels if channel.holds_heights]
         if not with_heights:
             labels = _labels(channels)
             raise InputError(f"{path}: holds no heights; its channels are {labels}")
@@ -98,7 +98,7 @@ def _named_channel(path: Path, channels: Sequence[Channel], name: str) -> Channe
         raise InputError(
             f"{option}: several channels have this name; give an index; {holds}"
         )
-    if not matches[0].heights:
+    if not matches[0].holds_heights:
         raise InputError(f"{option}: holds no heights; {holds}")
     return matches[0]
 
@@ -142,7 +142,7 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     ]
     # A single matrix of heights need not be chosen.
     chosen = ChosenChannel(index=0, origin="")
-    if reading.channel or len(matrices) > 1 or not channels[0].heights:
+    if reading.channel or len(matrices) > 1 or not channels[0].holds_heights:
         chosen = choose_channel(path, channels, reading)
     scan = matrices[chosen.index]
     x_unit = scan.length_unit or ""
@@ -175,6 +175,6 @@ def _channel_of(index: int, scan: Scan, *, overruled: bool) -> Channel:
     return Channel(
         index=index,
         name=scan.channel or f"matrix {index}",
-        heights=not scan.unit or overruled or unit_of(scan.unit) in UNITS,
+        holds_heights=not scan.unit or overruled or unit_of(scan.unit) in UNITS,
         unit=scan.unit or "",
     )

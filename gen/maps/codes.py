@@ -46,12 +46,11 @@ SCATTERED_RIM = 7.0
 COMMON = 5e-4
 # least number of nodes with the commonest value, if it is a code, over that of any other value
 COMMONER = 5.0
-# largest number of pairs of neighbours that share a value, for each node with this value, if its
-# nodes are scattered over the map; twice the pairs that chance makes are added
+# Nodes with one value are scattered over the map if they have few pairs of neighbours among them:
+# at most this number of pairs for each node, plus twice the pairs that chance would make.
 PAIRED = 0.05
-SAMPLE_VALUES = (
-    2**17
-)  # about the number of heights among which the commonest value is sought
+# about the number of heights among which the commonest value is sought
+SAMPLE_VALUES = 2**17
 MOST_CODES = 8  # largest number of codes that are sought in one map
 
 
@@ -117,6 +116,7 @@ def _next_code(heights: Heights) -> Code | None:
         return Code(value=lowest, nodes=lowest_nodes, between=False)
     highest = float(measured.max())
     highest_nodes = heights == highest
+    # With the opposite sign, the highest height is the lowest one.
     if _is_lowest_apart(heights, highest_nodes, -measured):
         return Code(value=highest, nodes=highest_nodes, between=False)
     commonest = int(np.argmax(counts))
@@ -188,10 +188,12 @@ def _is_common_apart(heights: Heights, nodes: Nodes, total: int, *, is_end: bool
     number = int(np.count_nonzero(nodes))
     if not COMMON * total <= number <= total / 2:
         return False
+    # Pairs across opposite borders are counted too.
     pairs_along_x = int(np.count_nonzero(nodes & np.roll(nodes, 1, axis=0)))
     pairs_along_y = int(np.count_nonzero(nodes & np.roll(nodes, 1, axis=1)))
     pairs = pairs_along_x + pairs_along_y
-    # expected pairs for each node if the nodes were at random places
+    # Expected pairs for each node if the nodes were at random places: two new pairs a node, whose
+    # other node has the value with the probability number / total.
     by_chance = 2 * number / total
     are_scattered = pairs <= number * (2 * by_chance + PAIRED)
     if is_end:
@@ -227,7 +229,7 @@ def rim_steps(heights: Heights, nodes: Nodes) -> float:
         first = np.take(nodes, pairs, axis)
         second = np.take(nodes, pairs + 1, axis)
         measured = steps > 0  # false for a step from or to a hole, which is NaN
-        at_rim = steps[measured & (first ^ second)]
+        at_rim = steps[measured & (first ^ second)]  # one of the two nodes is in `nodes`
         outside = steps[measured & ~first & ~second]
         if not at_rim.size:
             continue
@@ -239,7 +241,7 @@ def rim_steps(heights: Heights, nodes: Nodes) -> float:
 
 
 def refuse_overflowing_heights(topography: Topography) -> None:
-    """Raise InputError if a height's magnitude is above `HIGHEST`: its square may overflow.
+    """Refuse a map with a height whose magnitude is above `HIGHEST`: its square may overflow.
 
     Parameters
     ----------

@@ -167,16 +167,17 @@ def _spots_map(contact: Contact, at_load: str) -> Map:
 def _flux_map(contact: Contact) -> Map:
     """Return the map of the decimal logarithm of the flux over its mean, for a flow along x.
 
-    It is masked where the flux is below `FAINT`. The flow may be solved here.
+    It is masked where the flux over its mean is below `FAINT`. The flow is solved here, unless the
+    contact has been asked for it before.
     """
-    flow = contact.flow(0)
-    mean = flow.aperture**3 or 1.0  # no flow if the aperture is 0
-    share = np.hypot(*flow.flux) / mean
+    flow = contact.flow(axis=0)
+    mean = flow.aperture**3 or 1.0  # 1, to divide by, if the contact seals
+    flux_over_mean = np.hypot(*flow.flux) / mean
     state = "no flow, the contact seals"
     if flow.factor:
         state = f"flow factor {flow.factor:.3g}"
     return Map(
-        field=np.ma.log10(np.ma.masked_less(share, FAINT)),
+        field=np.ma.log10(np.ma.masked_less(flux_over_mean, FAINT)),
         sides=patch_sides(contact),
         title=f"flux along x: {state}",
         quantity="flux over its mean",

@@ -64,8 +64,8 @@ class Answer(NamedTuple):
     value: float | int | str  # the answer, a number in `unit`; "" if it is not known
     label: str  # name for people
     unit: str  # unit for people, followed by a remark if the answer needs one; "" for neither
-    # error of the number in `unit`; numbers for people then end at its second digit. With 0 they
-    # have six digits
+    # Error of the value, in `unit`. The text for people ends at the second digit of the error, or
+    # has six digits if the error is 0 or infinite.
     error: float = 0.0
 
     @property
@@ -239,7 +239,7 @@ def _about_the_continuum(contact: Contact, area: float) -> list[Answer]:
     error = contact.grid_error()
     error_percent = error.area_percent
     known_error: float | str
-    if error.resolved:
+    if error.verdicts["area"]:
         unit = f"+- {error_percent:.2g} %, in 9 of 10 cases"
         known_error = error_percent
         resolved = "yes"
@@ -274,7 +274,7 @@ def _about_the_continuum(contact: Contact, area: float) -> list[Answer]:
 def _remark(quantity: Quantity, contact: Contact) -> str:
     """Return the remark for people that follows the unit of a quantity, "" for none."""
     nx, ny = contact.pressure.shape
-    cell = math.prod(contact.problem.spacing)
+    cell = math.prod(contact.problem.spacing)  # area of the cell of a node [um2]
     match quantity.name:
         case "contact_nodes":
             return f"of {nx} x {ny}"
@@ -374,7 +374,7 @@ def chosen_load(texts: Mapping[str, str]) -> ChosenLoad:
         raise InputError(f"{options} given: give one of --delta, --force and --pressure")
     [name] = names
     advice = "give a number, several as 1,2,5, or start:stop:count[:log]"
-    return ChosenLoad(name, loads_from(name, texts[name], advice))
+    return ChosenLoad(name=name, values=loads_from(name, texts[name], advice))
 
 
 @dataclass(frozen=True, eq=False)
@@ -436,10 +436,8 @@ def _check_load(
     """
     from bem.problem import pose
 
-    loads: dict[str, Any] = {
-        "delta": None,
-        load: value,
-    }  # `pose` has no default for delta
+    # `pose` has no default for delta.
+    loads: dict[str, Any] = {"delta": None, load: value}
     pose(topography.heights, topography.sides, **loads, **settings)
 
 
@@ -460,7 +458,7 @@ def _solutions(
     solved = False
     for value in values:
         try:
-            solution = LoadSolution(next(contacts))
+            solution = LoadSolution(contact=next(contacts))
             solved = True
         except bem.NotConverged as error:
             fault = str(error)
@@ -468,7 +466,7 @@ def _solutions(
                 fault = f"{load_in_words(load, value)}: {fault}"
             if not solved and value == values[-1]:
                 raise ValueError(fault) from None
-            solution = LoadSolution(None, fault)
+            solution = LoadSolution(contact=None, fault=fault)
         yield solution
 
 
@@ -531,7 +529,7 @@ def solve_all(
             if progress is not None:
                 progress.advance(rows=1, failed=failed)
     assert last is not None  # `solve_loads` raises at the last load if none is solved
-    return SolvedLoads(rows, last, faults, seconds)
+    return SolvedLoads(rows=rows, last=last, faults=faults, seconds=seconds)
 
 
 def pressed_contacts(rows: Sequence[Mapping[str, Any]]) -> list[Pressed]:

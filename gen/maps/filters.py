@@ -20,9 +20,8 @@ ROUNDING = 1e-9  # relative amount by which a cut-off may exceed its bounds
 MANY_HOLES = 0.1  # share of missing heights above which filling them deserves a warning
 # share of missing heights above which filling them is refused unless the user insists
 MOST_HOLES = 0.5
-FIT_NODES = (
-    1 << 15
-)  # nodes whose equations are added to a fit at a time, which bounds the memory
+# number of nodes whose equations are added to a fit at a time, which bounds the memory
+FIT_NODES = 2**15
 
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
@@ -54,7 +53,7 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
         lines = slice(first, first + step)
         heights_of_lines = heights[lines]
         terms = along_x[lines, None, i] * along_y[None, :, j]
-        # an equation is the terms at a node, followed by its height
+        # The equation of a node has its terms, followed by its height.
         equations = np.concatenate([terms, heights_of_lines[:, :, None]], axis=2)
         measured = equations[~np.isnan(heights_of_lines)]
         stacked = np.concatenate([triangle, measured])
@@ -176,6 +175,7 @@ def _smoothed(heights: Heights, sigma: float, axis: int, boundary: Boundary) -> 
     # sum of the weights inside the map for each node of the axis
     sums = gaussian_filter1d(np.ones(nodes), mode="constant", **weights)
     smooth = gaussian_filter1d(heights, axis=axis, mode="constant", **weights)
+    # The sums become a column for axis 0 and a row for axis 1.
     return np.asarray(smooth / np.expand_dims(sums, 1 - axis))
 
 
@@ -264,9 +264,8 @@ def filled_harmonically(
     if not holes.size:
         return heights
     numbers = np.arange(holes.size)
-    number_at = np.full(
-        heights.size, -1
-    )  # number of the hole at each node, -1 without a hole
+    # number of the hole at each node, -1 at a node with a height
+    number_at = np.full(heights.size, -1)
     number_at[holes] = numbers
     flat = heights.reshape(-1)
     # Five-point equations, a row for each hole: the sum of the differences to its neighbours, over
@@ -460,7 +459,7 @@ def _resampled_along(heights: Heights, axis: int, old: float, new: float) -> Hei
     nodes = heights.shape[axis]
     old_places = old * np.arange(nodes)
     last = (nodes - 1) * old
-    # The factor keeps a node that ends at the last one but for rounding.
+    # The factor keeps a new node that coincides with the last old one but for rounding.
     number = int(last / new * (1 + 1e-12)) + 1
     places = np.minimum(new * np.arange(number), last)
     spline: Any = make_interp_spline(old_places, heights, k=3, axis=axis)

@@ -141,7 +141,7 @@ def _check_members(path: Path) -> None:
 def _check_size(path: Path, unpacked: int) -> None:
     """Raise InputError if a file holds too many bytes for its own size; see `PACKED`.
 
-    `unpacked` is the number of bytes that it holds.
+    `unpacked` is the number of bytes that its content has when it is read into memory.
     """
     packed = path.stat().st_size
     allowed = max(LARGEST, PACKED * packed)
@@ -339,6 +339,6 @@ def _channel(index: int, channel: Any) -> Channel:
     return Channel(
         index=index,
         name=str(channel.name),
-        heights=is_height,
+        holds_heights=is_height,
         unit=str(getattr(channel, "data_unit", None) or ""),
     )

@@ -82,7 +82,8 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
 def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
     """Return the files that a name or a pattern stands for, sorted; [] if there are none.
 
-    InputError if a folder holds no map. Errors of the system are passed on.
+    InputError if a folder holds no map. OSError, ValueError or RuntimeError if the system cannot
+    look the pattern up.
     """
     # No name of a file contains this character, on which some versions of Python fail.
     if "\0" in pattern:
@@ -99,7 +100,7 @@ def _files_of_pattern(pattern: str, folder: Path) -> list[Path]:
     return sorted(match for match in matches if match.is_file())
 
 
-def digests(paths: Iterable[Path]) -> list[str]:
+def hashes_of_maps(paths: Iterable[Path]) -> list[str]:
     """Compute the SHA-256 of the files of a scene's maps, and refuse equal files.
 
     Parameters
@@ -110,23 +111,23 @@ def digests(paths: Iterable[Path]) -> list[str]:
     Returns
     -------
     list of str
-        The SHA-256 of each file.
+        The SHA-256 of each file, in the order of the files.
 
     Raises
     ------
     InputError
         If two files have the same content, because their tiles would share nodes.
     """
-    files: dict[str, Path] = {}
+    path_of_hash: dict[str, Path] = {}
     for path in paths:
         sha256 = digest(path)
-        if sha256 in files:
+        if sha256 in path_of_hash:
             raise InputError(
-                f"{path} and {files[sha256]} are the same map: leave one out, or a"
+                f"{path} and {path_of_hash[sha256]} are the same map: leave one out, or a"
                 " surrogate would be tested on nodes that it was trained on"
             )
-        files[sha256] = path
-    return list(files)
+        path_of_hash[sha256] = path
+    return list(path_of_hash)
 
 
 def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
@@ -144,8 +145,8 @@ def locate_map(recorded: Path, sha256: str, folder: Path | None) -> Path:
     Returns
     -------
     Path
-        The recorded path, or the file of the same name in the folder of the database: the first of
-        them whose content has this SHA-256.
+        The recorded path, if its file has this SHA-256. Otherwise the file of the same name in the
+        folder of the database, if that has it.
 
     Raises
     ------
@@ -214,9 +215,8 @@ class Recipe:
 class PreparedMap:
     """One prepared map."""
 
-    heights: (
-        Heights  # heights without holes [um], shape (nx, ny); read-only in a `Library`
-    )
+    # heights without holes [um], shape (nx, ny); read-only in a `Library`
+    heights: Heights
     # spacing of the nodes along x and y, equal for all maps of a library [um]
     spacing: Sides
     remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
@@ -391,7 +391,10 @@ def _prepared_map(path: Path, reading: Reading) -> Topography:
 
 
 def _require_spacing(path: Path, spacing: Sides, first: Path, expected: Sides) -> None:
-    """Raise InputError if a map has not the `expected` spacing, that of the file `first` [um]."""
+    """Raise InputError if the spacing of a map differs from the `expected` one of the first map.
+
+    Both spacings are along x and y [um]. `path` and `first` are the files of the two maps.
+    """
     same_x = is_same(spacing[0], expected[0])
     same_y = is_same(spacing[1], expected[1])
     if not same_x or not same_y:
@@ -415,7 +418,8 @@ def _require_window(path: Path, shape: Shape, window: Shape) -> None:
 def _temporary_folder(*, make: bool) -> Path | None:
     """Return the temporary folder of this user; with `make`, make it if it is missing.
 
-    None if the folder is missing, belongs to somebody else, or can be written to by somebody else.
+    None if the folder is missing, cannot be made, belongs to somebody else, or can be written to by
+    somebody else, who could change maps in it.
     """
     folder = Path(tempfile.gettempdir()) / f"asperity-{os.getuid()}"
     with suppress(OSError):
@@ -429,7 +433,9 @@ def _temporary_folder(*, make: bool) -> Path | None:
     return None
 
 
-PAGE = 4096  # each map begins at a multiple of this in the file, as pages of memory do [bytes]
+# Size of a page of memory [bytes]. Each map begins at a multiple of it in the file, because only
+# whole pages can be mapped into memory.
+PAGE = 4096
 # largest length of the second line, with place, length and SHA-256 of the table [bytes]
 LONGEST_START = 200
 
@@ -448,8 +454,8 @@ def write_maps(
     maps : iterable of PreparedMap
         The maps, all of one spacing.
     replace : bool
-        Whether to replace a file that another process makes at this path meanwhile. If not, that
-        file stays, and the new one is dropped.
+        Whether to replace a file that exists at this path when the new one is complete. If not,
+        that file stays, and the new one is dropped.
     """
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
     with atomic(path, "maps", replace=replace) as file:
@@ -520,15 +526,18 @@ def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
 
 
 def _table_of(file: BinaryIO) -> Any:
-    """Return the table of a file of prepared maps; None if the first line or the table is damaged.
+    """Return the table of a file of prepared maps, a dictionary from JSON.
 
-    Errors of a damaged second line, as ValueError, are passed on.
+    Return None if the first line is not `MAPS`, or the table is damaged. A damaged second line
+    raises ValueError or OSError.
     """
     first_line = file.read(len(MAPS))
+    if first_line != MAPS:
+        return None
     place, length, sha256 = file.readline(LONGEST_START).decode().split()
     file.seek(int(place))
     text = file.read(int(length) + 1)  # one more byte, to find an excess at the end
-    if first_line != MAPS or len(text) != int(length):
+    if len(text) != int(length):
         return None
     if hashlib.sha256(text).hexdigest() != sha256:
         return None
@@ -536,16 +545,20 @@ def _table_of(file: BinaryIO) -> Any:
 
 
 def _mapped(path: Path, entry: dict[str, Any]) -> NDArray[np.float64]:
-    """Map the heights of one map, an entry of the table, into memory, read-only [um]."""
+    """Map the heights [um] of one map into memory, read-only.
+
+    `entry` is the entry of the map in the table of the file `path`.
+    """
     nx, ny = entry["shape"]
     return np.memmap(
         path, dtype=np.float64, mode="r", offset=entry["place"], shape=(nx, ny)
     )
 
 
-# smallest length of a tile, in windows, along an axis that is long enough for several such tiles
+# smallest length of a tile along an axis that is long enough for several tiles of this length
+# [length of a window]
 WIDE = 2
-# number of tiles along a shorter axis, if it holds at least as many windows side by side
+# number of tiles along a shorter axis, if it holds this number of windows side by side
 FEWEST = 2
 
 
@@ -612,9 +625,10 @@ tiled = lru_cache(maxsize=8)(Tiling)
 def _spans(nodes: int, window: int) -> list[Span]:
     """Cut an axis of a map into spans of nearly equal length, for its tiles.
 
-    Each span holds `WIDE` windows or more. An axis that is too short for two of these is cut into
-    `FEWEST` spans of one window or more, or becomes a single span if it holds only one window. It
-    has to hold one.
+    `nodes` is the length of the axis and `window` that of a window along it, both in nodes; the
+    axis holds at least one window. Spans hold `WIDE` windows or more each, if the axis is long
+    enough for two of these spans. A shorter axis is cut into `FEWEST` spans of one window or more.
+    An axis that holds only one window becomes a single span.
     """
     wide_spans = nodes // (WIDE * window)
     short_spans = min(FEWEST, nodes // window)
@@ -623,7 +637,9 @@ def _spans(nodes: int, window: int) -> list[Span]:
     return [Span(start=ends[number], stop=ends[number + 1]) for number in range(count)]
 
 
-DRAWS = 5  # random numbers for a window: map, tile, place along x and along y, symmetry
+# count of the random numbers that a window takes: for its map, its tile, its place along x, its
+# place along y, and its symmetry
+DRAWS = 5
 # The number of a symmetry is the sum of these parts. A rectangle has the symmetries 0 to 3, a
 # square also 4 to 7, which swap the axes after mirroring.
 MIRRORED_X = 1

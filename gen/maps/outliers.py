@@ -19,9 +19,8 @@ from gen.maps.read import Remedy, Topography
 from gen.maps.settings import SPIKE
 
 Nodes = NDArray[np.bool_]  # whether each node is chosen, shape (nx, ny)
-End = Literal[
-    1, -1
-]  # end of the heights: 1 for the highest nodes, -1 for the lowest nodes
+# end of the heights: 1 for the highest nodes, -1 for the lowest nodes
+End = Literal[1, -1]
 
 # least scatter, as a share of the span of all heights: smaller distances may be rounding
 ROUNDING = 1e-9
@@ -66,7 +65,8 @@ def local_levels(windows: Values) -> LocalLevels:
     size = windows.shape[1]
     offsets = np.arange(size) - size // 2  # of the nodes from the middle
     without_slopes = windows - along_x * offsets[:, None] - along_y * offsets
-    return LocalLevels(_medians(without_slopes), along_x, along_y)
+    medians = _medians(without_slopes)
+    return LocalLevels(medians=medians, along_x=along_x, along_y=along_y)
 
 
 def _median_steps(windows: Values, axis: int) -> Values:
@@ -146,8 +146,8 @@ def _medians(values: Values) -> Values:
 
 # distance in nodes of the ring around a node that shows whether the node is alone
 AROUND = 3
-# A node is not alone, but part of a ridge, groove, wall or summit, if more than one node of this
-# ring is more than this share of its own distance from the level.
+# A node is alone if at most one node of this ring is further from the level than this share of the
+# node's own distance from it. Otherwise it is part of a ridge, groove, wall or summit.
 HALF = 0.5
 # least distance of a spike or pit from its level, over the quantile `USUAL` of the distances of all
 # nodes: for normally distributed distances this is about 6 times their scatter
@@ -180,9 +180,10 @@ class Outliers:
 def find_outliers(heights: Heights, end: End) -> Outliers | None:
     """Find the spikes at the top of a map, or the pits at its bottom.
 
-    Nodes are examined from the outermost one inwards, until one is no spike (or pit). A spike or
-    pit is farther from the level around it than `SPIKE` times the scatter of all nodes, as for
-    `--despike`, and than `FARTHER` and `STEEPER` ask. It also is alone, see `HALF`.
+    Nodes are examined from the outermost one inwards, until one is no spike (or pit). The distance
+    of a spike or pit from the level around it exceeds `SPIKE` times the scatter of all nodes, as
+    for `--despike`, and the two bounds of `FARTHER` and `STEEPER`. A spike or pit is also alone,
+    see `HALF`.
 
     Parameters
     ----------
@@ -220,7 +221,8 @@ def find_outliers(heights: Heights, end: End) -> Outliers | None:
 def _outermost(heights: Heights, end: End) -> list[int]:
     """Return the nodes at one end of the heights as flat indices, the outermost node first.
 
-    They are `MOST_OUTLIERS` nodes, or all but one if the map has fewer.
+    There are `MOST_OUTLIERS` of them, or one less than all nodes if the map has fewer nodes. Holes
+    come last.
     """
     outward = np.where(np.isnan(heights), -np.inf, end * heights).ravel()
     number = min(MOST_OUTLIERS, outward.size - 1)
@@ -295,10 +297,10 @@ def mask_bounds(heights: Heights, doubtful: Nodes) -> str:
     Returns
     -------
     str
-        Value of `--mask`, as "8.9:11.1": two numbers of few digits, which are at most about a
-        twentieth of the span beyond the heights of the other nodes. A doubtful node between these
-        heights is kept, too. "" if every doubtful node is between them, or no height is doubtful,
-        or every one is.
+        Value of `--mask`, as "8.9:11.1": two bounds [um] of few digits. They are outside the
+        heights of the nodes that are not doubtful, by at most about a twentieth of the span of
+        these heights. A doubtful node whose height is inside this span is kept, too. "" if all
+        doubtful nodes are inside it, if no measured node is doubtful, or if every one is.
     """
     measured = ~np.isnan(heights)
     outside = heights[doubtful & measured]
@@ -312,6 +314,7 @@ def mask_bounds(heights: Heights, doubtful: Nodes) -> str:
         return ""
     below = float(outside[outside < low].max(initial=-np.inf))
     above = float(outside[outside > high].min(initial=np.inf))
+    # A bound is halfway between the kept and the doubtful heights, but not further out than this.
     margin = (high - low) / 20
     lower = max(low - margin, (below + low) / 2)
     upper = min(high + margin, (above + high) / 2)
@@ -325,7 +328,7 @@ def _shortest(number: float, end: float) -> str:
     """
     tolerance = abs(number - end) / 2
     text = ""
-    for digits in range(2, 18):
+    for digits in range(2, 18):  # 17 digits write every number exactly
         text = f"{number:.{digits}g}"
         if abs(float(text) - number) < tolerance:
             break

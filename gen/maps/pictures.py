@@ -116,16 +116,17 @@ def colour_scale(surface_map: Map) -> ColourScale:
     Returns
     -------
     ColourScale
-        From the smallest to the largest value. An end is at the percentile `UPPER_PERCENTILE` (or
-        the opposite one) instead if the values beyond it span more than half of the range between
-        both percentiles. 0 to `COLOURS` - 1 for a map without a quantity.
+        Colours from the smallest to the largest value. The upper end is at the percentile
+        `UPPER_PERCENTILE` instead, and the lower end at 100 - `UPPER_PERCENTILE`, if the values
+        beyond span more than half of the range between both percentiles. For a map without a
+        quantity, the ends are 0 and `COLOURS` - 1; if no value is drawn, 0 and 1.
     """
     field = surface_map.field
     values = np.ma.compressed(field)
     if not surface_map.quantity:
-        return ColourScale(0.0, COLOURS - 1.0)
+        return ColourScale(low=0.0, high=COLOURS - 1.0)
     if not values.size:
-        return ColourScale(0.0, 1.0)
+        return ColourScale(low=0.0, high=1.0)  # nothing is drawn
     smallest = float(values.min())
     largest = float(values.max())
     percentiles = np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
@@ -136,7 +137,7 @@ def colour_scale(surface_map: Map) -> ColourScale:
     high = largest
     below = None
     above = None
-    # half of the range between the percentiles beyond each of them
+    # Half of the range between both percentiles, below the lower and above the upper one.
     lower_bound = 1.5 * first - 0.5 * last
     upper_bound = 1.5 * last - 0.5 * first
     if smallest < lower_bound:
@@ -153,7 +154,7 @@ def colour_scale(surface_map: Map) -> ColourScale:
             colour=colours.above,
             words=f"up to {largest:.4g} {surface_map.unit} ({colours.above})",
         )
-    return ColourScale(low, high, below, above)
+    return ColourScale(low=low, high=high, below=below, above=above)
 
 
 def plot_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
@@ -401,7 +402,8 @@ def _plot_self_affine_law(
     last = 2 * math.pi / fit.spectrum.cut_off
     axis.axvspan(spectrum.edges[0, 0], last, color="tab:orange", alpha=0.1, lw=0)
     wavenumbers = np.geomspace(2 * math.pi / fit.longest, last, 300)
-    law = fit.level * fit.spectrum.density(wavenumbers, np.zeros(1))
+    # The law is equal in all directions: take waves along x.
+    law = fit.level * fit.spectrum.density(qx=wavenumbers, qy=np.zeros(1))
     label = "self-affine law, in the range of the fit"
     axis.loglog(wavenumbers, law, color="tab:orange", lw=2, label=label)
     if fit.spectrum.roll_off < fit.longest:

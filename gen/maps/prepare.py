@@ -23,7 +23,8 @@ from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
-# distance from a crop's ends, in spacings, up to which nodes outside them are kept: ends round
+# Nodes outside the ends of a crop by up to this distance [spacing] are kept, because the ends are
+# rounded.
 ROUNDING = 1e-9
 # share of all nodes above which nodes that were replaced as spikes are probably part of the surface
 MANY_SPIKES = 0.01
@@ -62,17 +63,17 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     _refuse_two_forms(settings)
     followed = topography.followed | _followed_steps(settings)
     topography = replace(topography, followed=followed)
-    topography = _with_steps(topography, settings, "crop", "invert", "mask")
+    topography = _after_steps(topography, settings, "crop", "invert", "mask")
     refuse_overflowing_heights(topography)
-    topography = _with_steps(topography, settings, "despike")
+    topography = _after_steps(topography, settings, "despike")
     topography = with_code_warnings(topography)
     topography = _with_span_warning(topography)
     measured = topography.heights
-    topography = _with_steps(topography, settings, "level", "form", "fill", "fill_most")
+    topography = _after_steps(topography, settings, "level", "form", "fill", "fill_most")
     _refuse_holes(topography)
     untilted = _without_tilt(topography)
     topography = with_outlier_warnings(topography, measured, untilted)
-    topography = _with_steps(topography, settings, "filter", "downsample")
+    topography = _after_steps(topography, settings, "filter", "downsample")
     return _with_tilt_warning(topography)
 
 
@@ -86,10 +87,11 @@ def _refuse_two_forms(settings: Reading) -> None:
 
 
 def _followed_steps(settings: Reading) -> frozenset[str]:
-    """Return the steps that the settings take, in the words of `Remedy`.
+    """Return the steps that the settings take, as `Remedy.setting` writes them.
 
-    Warnings advise none of them again. Steps are keys of the settings; "level" is followed by its
-    kind, and "despike" by the advised threshold.
+    Warnings advise none of these steps again. A step is a key of the settings, as "crop". "level"
+    is followed by its kind, as "level plane". "despike" is followed by the threshold that warnings
+    advise, and is left out if the user's threshold is higher.
     """
     steps = {key for key in STEPS if getattr(settings, key)}
     if settings.level:
@@ -103,16 +105,18 @@ def _followed_steps(settings: Reading) -> frozenset[str]:
     return frozenset(steps)
 
 
-def _with_steps(topography: Topography, settings: Reading, *keys: str) -> Topography:
-    """Return the map after the steps of the given keys, in their order.
+def _after_steps(topography: Topography, settings: Reading, *keys: str) -> Topography:
+    """Return the map after the steps of the given keys of the settings, in their order.
 
-    A key that is not set is skipped. Raise InputError if its key does not allow a value.
+    A key that the user has not set is skipped. So are "fill" and "fill_most" if no height is
+    missing. Raise InputError if the value of a key is not allowed, or its step fails.
     """
     for key in keys:
         value = getattr(settings, key)
-        if value is None or value is False or value == "":  # a number 0 is set
+        # The number 0 counts as set, so that the check below refuses it.
+        if value is None or value is False or value == "":
             continue
-        # Nothing is to be filled, or "fill" has closed the holes before "fill_most".
+        # The map had no holes, or "fill" has closed them before "fill_most".
         if key in {"fill", "fill_most"} and not topography.missing:
             continue
         if not KEYS[key].suits(value):
@@ -241,10 +245,10 @@ def cropped(topography: Topography, text: str) -> Topography:
         raise InputError(f"{option}: give x0:x1,y0:y1 in um, as 100:900,0:500")
     heights = topography.heights
     for axis, (low, high) in enumerate(limits):
-        apart = topography.spacing[axis]
-        places = np.arange(heights.shape[axis])
-        from_low = places >= low / apart - ROUNDING
-        to_high = places <= high / apart + ROUNDING
+        spacing = topography.spacing[axis]
+        nodes = np.arange(heights.shape[axis])
+        from_low = nodes >= low / spacing - ROUNDING
+        to_high = nodes <= high / spacing + ROUNDING
         heights = np.compress(from_low & to_high, heights, axis)
     if min(heights.shape) < 2:
         sides = " x ".join(f"{side:.6g}" for side in topography.sides)
@@ -399,7 +403,7 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
     )  # first to last node [um]
     slopes = 2 * coefficients[1:3] / lengths
     tilt = Tilt(x=float(slopes[0]), y=float(slopes[1]))
-    return LeastSquares(fit, tilt)
+    return LeastSquares(heights=fit, tilt=tilt)
 
 
 def levelled(topography: Topography, level: str) -> Topography:
@@ -472,7 +476,7 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
 
 
 def _share(chosen: NDArray[np.bool_]) -> str:
-    """Write the number of nodes that are chosen and their share, as "12 nodes (0.3 %)"."""
+    """Write the number of chosen nodes and their share of all nodes, as "12 nodes (0.3 %)"."""
     number = int(np.count_nonzero(chosen))
     noun = "node" if number == 1 else "nodes"
     return f"{number} {noun} ({100 * number / chosen.size:.3g} %)"
@@ -561,7 +565,7 @@ def is_tilted(topography: Topography) -> bool:
     heights = topography.heights
     if min(heights.shape) < FEWEST_TILTED:
         return False
-    span = float(np.ptp(heights)) or 1.0  # 1 for a flat surface
+    span = float(np.ptp(heights)) or 1.0  # 1 for a flat surface, to divide by
     scaled = (heights - heights.mean()) / span
     plane_variance = 0.0
     for axis in (0, 1):

@@ -84,12 +84,13 @@ class Topography:
     def spacing(self) -> Sides:
         """Spacing of the nodes along x and y [um].
 
-        It is computed as `bem` does, but without loading `bem`.
+        It is `exact_spacing`, or else computed from the sides. The rule is that of `bem`, which is
+        not imported because it loads slowly.
         """
         if self.exact_spacing is not None:
             return self.exact_spacing
-        nx, ny = spacings_of_sides(self.heights.shape, self.boundary)
-        return self.sides[0] / nx, self.sides[1] / ny
+        spacings_x, spacings_y = number_of_spacings(self.heights.shape, self.boundary)
+        return self.sides[0] / spacings_x, self.sides[1] / spacings_y
 
     @property
     def missing(self) -> int:
@@ -104,7 +105,8 @@ class Topography:
         Parameters
         ----------
         heights : ndarray, shape (nx, ny)
-            The new heights [um]. If their shape differs from the old one, `doubtful` becomes None.
+            The new heights [um]. If they have another shape than the old ones, `doubtful` becomes
+            None, because its nodes are gone.
         step : str
             The step that led to the new heights, in words. It is added to `steps`, unless it is "".
         spacing : (float, float), optional
@@ -119,8 +121,8 @@ class Topography:
         sides = self.sides
         exact_spacing = self.exact_spacing
         if spacing is not None:
-            nx, ny = spacings_of_sides(heights.shape, self.boundary)
-            sides = (nx * spacing[0], ny * spacing[1])
+            spacings_x, spacings_y = number_of_spacings(heights.shape, self.boundary)
+            sides = (spacings_x * spacing[0], spacings_y * spacing[1])
             exact_spacing = None
         steps = self.steps
         if step:
@@ -166,8 +168,8 @@ class Topography:
         return f"{fault}: {', '.join(advice)}"
 
 
-def spacings_of_sides(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
-    """Return the sides of a patch as multiples of the spacing of its nodes.
+def number_of_spacings(shape: tuple[int, ...], boundary: Boundary) -> tuple[int, int]:
+    """Return how many spacings of its nodes each side of a patch is long.
 
     Parameters
     ----------
@@ -361,7 +363,7 @@ def _doubts_about_scale(scan: Scan, topography: Topography) -> list[str]:
         f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
-    different_spacings = dict.fromkeys(topography.spacing)
+    different_spacings = dict.fromkeys(topography.spacing)  # one entry if both are equal
     warnings += [
         f"its nodes are {spacing:.3g} um apart, {BEYOND_INSTRUMENTS}"
         for spacing in different_spacings
@@ -436,12 +438,15 @@ def _agreed_sides(
 def _lengths_of_file(
     widths: Sides, shape: tuple[int, ...], boundary: Boundary, factor: float
 ) -> _FileLengths:
-    """Convert the widths of all pixels of a file; `factor` is the length of their unit [um]."""
+    """Convert the widths of all pixels of a file into lengths of the patch and of the pixels [um].
+
+    `widths` are along x and y in the unit of the file, whose length is `factor` [um].
+    """
     width, length = widths
     nx, ny = shape
-    along_x, along_y = spacings_of_sides(shape, boundary)
+    spacings_x, spacings_y = number_of_spacings(shape, boundary)
     return _FileLengths(
-        patch=(width * along_x / nx * factor, length * along_y / ny * factor),
+        patch=(width * spacings_x / nx * factor, length * spacings_y / ny * factor),
         pixels=(width * factor, length * factor),
     )
 
@@ -472,8 +477,8 @@ def _sides_of_user(path: Path, scan: Scan, reading: Reading, boundary: Boundary)
     x, y = parse_sides(reading.side)
     nx, ny = scan.heights.shape
     if nx != ny and "," not in reading.side:
-        along_x, along_y = spacings_of_sides(scan.heights.shape, boundary)
-        y_of_square_cells = x / along_x * along_y
+        spacings_x, spacings_y = number_of_spacings(scan.heights.shape, boundary)
+        y_of_square_cells = x / spacings_x * spacings_y
         raise InputError(
             f"{path}: has {nx} x {ny} nodes; give --side two lengths,"
             f" {x:g},{y_of_square_cells:g} for square cells or {x:g},{x:g} for a square"

@@ -92,7 +92,7 @@ def unit_of(name: str) -> str:
         return name
     if word in WORDS:
         return WORDS[word]
-    # M and a are no units of length.
+    # A single letter is not lowered: M and a are no units of length, but m and A are.
     if word in UNITS and len(word) > 1:
         return word
     return name
@@ -180,7 +180,7 @@ def arrange(path: Path, scan: Scan) -> Scan:
         return _map_of_points(path, scan, numbers, "columns")
     if _is_list(numbers.T):
         return _map_of_points(path, scan, numbers.T, "rows")
-    # In so small a table, coordinates cannot be told from heights.
+    # In a table as small as this, coordinates cannot be told from heights.
     if min(numbers.shape) < 4:
         return scan
     first_row = _border(numbers)
@@ -329,7 +329,8 @@ def _lies_on_grid(columns: Values) -> bool:
         grid = _grid(columns[:, first], columns[:, first + 1])
         if grid is None or grid.covered < smallest_share:
             continue
-        # Hardly any points of a list repeat a node; up to a tenth may.
+        # In a list of points, up to a tenth of the points may repeat a node. Heights that are taken
+        # for coordinates repeat more.
         if 10 * grid.repeated <= points:
             return True
     return False
@@ -462,7 +463,8 @@ def _places(coordinates: Values) -> _Places | None:
         steps = np.diff(distinct)
         if not steps.size or not np.isfinite(steps).all():
             return None
-        # Coordinates of one node may differ by rounding: keep the lowest of them.
+        # Coordinates of one node may differ by rounding: keep the lowest of them. A step between
+        # nodes is more than a tenth of `EVEN` of the largest step.
         are_apart = steps > EVEN / 10 * steps.max()
         distinct = distinct[np.append(True, are_apart)]
         steps = np.diff(distinct)

@@ -68,7 +68,7 @@ def in_scene_words(message: str, path: Path) -> str:
 
 
 def _key_of_option(match: re.Match[str]) -> str:
-    """Return the key whose option a match of `OPTION` has found."""
+    """Return the key for an option, without its dashes, that `OPTION` has matched: "fill_most"."""
     return match[1].replace("-", "_")
 
 
@@ -259,17 +259,22 @@ class Reading(FileReading):
         text = getattr(self, key)
         if not text:
             return None, None
-        parts = [part.strip() for part in text.split(":")]
-        stated_parts = [part for part in parts if part]
-        # The stated ends; [] if none is stated or one is no number.
-        numbers = numbers_in(":".join(stated_parts), separator=":")
+        advice = f"give {KEYS[key].allowed}, the first below the second"
+        refusal = InputError(f"{as_option(key)} {quoted(text)}: {advice}")
+        try:
+            ends = [_end(part) for part in text.split(":")]
+        except ValueError:  # an end is no number
+            raise refusal from None
+        stated_ends = [end for end in ends if end is not None]
+        if len(ends) != 2 or not stated_ends:
+            raise refusal
         lowest = 0.0 if key == "filter" else -math.inf
-        are_rising = numbers == sorted(set(numbers))
-        are_allowed = all(lowest < number < math.inf for number in numbers)
-        if len(parts) != 2 or not numbers or not are_rising or not are_allowed:
-            advice = f"give {KEYS[key].allowed}, the first below the second"
-            raise InputError(f"{as_option(key)} {quoted(text)}: {advice}")
-        return _end(parts[0]), _end(parts[1])
+        if not all(lowest < end < math.inf for end in stated_ends):
+            raise refusal
+        low, high = ends
+        if low is not None and high is not None and low >= high:
+            raise refusal
+        return low, high
 
     def values_of(self, table: str) -> dict[str, Any]:
         """Return the values of the fields that are keys of a table of scenes.
@@ -288,8 +293,11 @@ class Reading(FileReading):
 
 
 def _end(text: str) -> float | None:
-    """Return the number in the text of an end; None if the text is empty."""
-    if not text:
+    """Return the number in the text of an end; None if the text is blank.
+
+    ValueError if the text is anything else.
+    """
+    if not text.strip():
         return None
     return float(text)
 

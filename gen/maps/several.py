@@ -127,7 +127,8 @@ def collect_rows(
     Raises
     ------
     InputError
-        If all maps are left out. Maps are not named on standard error then.
+        If all maps are left out. The message gives the reason of the first one, and standard
+        error has no warnings.
     """
     rows: list[Row] = []
     left_out: dict[str, str] = {}
@@ -148,11 +149,13 @@ def collect_rows(
 
 
 def _rows_of_file(file: Path, rows_of: Callable[[Path], Iterable[Row]]) -> list[Row]:
-    """Return the rows of a file with `row` and `surface` in front; InputError if it is unusable."""
+    """Return the rows of a file with the columns `row` and `surface` in front.
+
+    InputError if the file is missing or a folder without maps, or `rows_of` cannot use it.
+    """
     rows: list[Row] = []
-    for path in files_in(
-        file
-    ):  # the file; InputError if it is missing or a folder without maps
+    # This yields the file itself: folders that hold maps were replaced by `files_of`.
+    for path in files_in(file):
         rows += [{"row": OF_MAP, "surface": str(file), **row} for row in rows_of(path)]
     return rows
 
@@ -168,9 +171,9 @@ def summary(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of dict
-        The row of means and the row of standard deviations. A column holds "" in both if one of
-        its values is no number. The standard deviation of a single row is "", as is any result
-        that is not a number.
+        The row of means and the row of sample standard deviations. A column that holds a text has
+        "" in both. A result that is NaN is replaced by "", as the standard deviation of a single
+        row is. A standard deviation that is due to rounding (`SAME`) is 0.
     """
     mean: Row = {"row": MEAN, "surface": f"{len(rows)} surfaces"}
     deviation: Row = {"row": DEVIATION, "surface": f"{len(rows)} surfaces"}
@@ -182,16 +185,17 @@ def summary(rows: Sequence[Row]) -> list[Row]:
         deviation[name] = ""
         if all(isinstance(value, int | float) for value in values):
             numbers = np.array(values, dtype=np.float64)
-            with np.errstate(invalid="ignore"):  # numbers may be infinite
+            # The difference of infinite numbers is NaN, and becomes "".
+            with np.errstate(invalid="ignore"):
                 mean[name] = _number_or_blank(numbers.mean())
                 deviation[name] = _number_or_blank(_standard_deviation(numbers))
     return [mean, deviation]
 
 
 def _standard_deviation(numbers: Values) -> float:
-    """Return the sample standard deviation; NaN of a single number, 0 if it is due to rounding.
+    """Return the sample standard deviation; NaN for a single number.
 
-    Numbers differ by rounding alone, for example, if the same load is set on all maps.
+    It is 0 if it is due to rounding (`SAME`), as for a load that is set equally on all maps.
     """
     if numbers.size < 2:
         return math.nan
@@ -203,7 +207,7 @@ def _standard_deviation(numbers: Values) -> float:
 
 
 def _number_or_blank(value: float) -> float | str:
-    """Return a number as it is, but "" for NaN."""
+    """Return a number as it is, or "" if it is NaN."""
     if math.isnan(value):
         return ""
     return float(value)

@@ -114,8 +114,8 @@ class _Block:
         """Record the comment of a line.
 
         An entry of the header goes to `entries`, unless an earlier line has stated its quantity.
-        So do the names of columns, if they stand above the numbers. Any other comment goes to
-        `remarks` if it names a unit of length, and is dropped if it does not.
+        Names of columns go there too, if no numbers have come before them. Any other comment goes
+        to `remarks`, shortened, if it names a unit of length, and is dropped if it does not.
 
         Parameters
         ----------
@@ -482,7 +482,7 @@ def _require_counts(
 
 
 def _count_text(count: float) -> str:
-    """Return the text of a count in a header; "?" for 0, a count that it does not state."""
+    """Return the text of a count, or "?" for 0, which means that the header does not state it."""
     return f"{count:g}" if count else "?"
 
 
@@ -490,6 +490,7 @@ def _scale(path: Path, entries: dict[str, str]) -> _Quantity:
     """Return the factor from the numbers of a text to heights, with the unit of these heights.
 
     The unit is "" if the header names none. A factor that the header does not state is 1.
+    InputError if the header states a unit of length for the numbers and a conversion factor too.
     """
     data_unit = _unit(entries.get("data unit", ""))
     if "conversion" in entries:
@@ -539,11 +540,14 @@ def _extent(entries: dict[str, str], shape: tuple[int, ...]) -> _Extent:
 
 
 def _quantity(text: str) -> _Quantity:
-    """Split a value of a header into number and unit; the number is 0 if it begins with none."""
+    """Split a value of a header into number and unit.
+
+    Without a number at its beginning, the number is 0 and the unit "".
+    """
     match = QUANTITY.fullmatch(text)
     if match is None:
         return _Quantity()
-    number = float(match["number"].replace(",", "."))
+    number = float(match["number"].replace(",", "."))  # the comma may mark decimals
     return _Quantity(number=number, unit=_unit(match["unit"]))
 
 

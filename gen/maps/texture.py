@@ -165,8 +165,8 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
         edges=edges,
         density=summed_densities[occupied] / waves_of_bins,
         waves=waves_of_bins,
-        along_x=_profile_density(topography, 0, edges),
-        along_y=_profile_density(topography, 1, edges),
+        along_x=_profile_density(topography, axis=0, edges=edges),
+        along_y=_profile_density(topography, axis=1, edges=edges),
     )
 
 
@@ -371,7 +371,7 @@ def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> floa
         Length of that wave over the larger spacing, 2 or more [1]; NaN if the surface has no wave,
         or its slopes are beyond what numbers hold.
     """
-    # share of each bin in the mean square slope, but for a factor
+    # contribution of each bin to the mean square slope, but for a factor that all bins share
     slopes = spectrum.waves * spectrum.density * spectrum.wavenumbers**2
     total = slopes.sum()
     if not 0.0 < total < math.inf:
@@ -439,8 +439,9 @@ def _reason_without_fit(
 ) -> str:
     """Return why no law is fitted, "" if one can be.
 
-    Reasons are flat or lost heights, a spectrum of too few bins or without finite densities, and a
-    lay, also by the texture aspect ratio Str (NaN if it is not known).
+    Reasons are flat heights, heights that are lost in rounding, a spectrum of too few bins or with
+    infinite densities, and a lay (`lay_of`). `aspect` is the texture aspect ratio Str of the
+    surface [1], NaN if it is not known.
     """
     heights = topography.heights
     if np.ptp(heights) == 0.0:
@@ -530,7 +531,10 @@ class _LogSpectrum:
     weights: Values  # inverse variances of the logarithms of the densities
 
     def best_law(self) -> _LogLaw:
-        """Return the law with the least cost; of equal costs, the law with the longest roll-off."""
+        """Return the law with the least cost of all roll-offs and cut-offs that are tried.
+
+        Of laws with equal costs, it is the one whose roll-off has the longest wavelength.
+        """
         last = self.wavenumbers[-FEWEST_BINS]
         roll_offs = np.linspace(self.wavenumbers[0], last, ROLL_OFFS)
         laws = (self._law_from(roll_off) for roll_off in roll_offs.tolist())

@@ -36,7 +36,7 @@ It is taken from a subclass, because releases of Typer have moved it to another 
 """
 
 LONGEST_LINE = 1200
-"""Largest number of letters of a printed message; the middle of a longer one is left out."""
+"""Largest number of letters of a printed message, but for " ... " in place of a left-out middle."""
 
 MOST_DETAILS = 40
 """Largest number of lines of a list below a message; further lines are only counted."""
@@ -251,8 +251,8 @@ def main(
     """Run a command line of a program on all processes of this run; a collective call.
 
     If the command fails on the master (bad input, a full disk, a missing package), it ends on the
-    workers too, wherever they wait, and only the master prints the reason. A bug prints its
-    traceback and ends all processes at once.
+    workers too, wherever they wait, and only the master prints the reason. `OUTPUT_ERRORS` is
+    emptied first. A bug prints its traceback and ends all processes at once.
 
     Parameters
     ----------
@@ -413,9 +413,11 @@ def run_script(script: Callable[[list[str]], object]) -> None:
 
 
 def _ending_by(error: BaseException, name: str) -> _Ending:
-    """Return how an error ends a command of the program `name`; raise a bug again.
+    """Return how an error ends a command of the program `name`.
 
-    If the reader of standard output has ended, the output that is left is discarded.
+    If the error is a bug, it is raised again.
+    If the reader of standard output has ended, the text that is still to be written there is
+    discarded.
     """
     match error:
         case typer.Exit():  # after --help
@@ -423,12 +425,14 @@ def _ending_by(error: BaseException, name: str) -> _Ending:
         case SystemExit():  # raised by a library
             return _Ending(code=error.code if isinstance(error.code, int) else 1)
         case KeyboardInterrupt() | typer.Abort():
+            # Exit codes above 128 are those that shells give: 128 plus the number of the signal.
             return _Ending(code=130, message=f"{name}: interrupted")
         case BrokenPipeError():  # the reader of our output, for example `head`, has ended
             discard_pending(sys.stdout)
             return _Ending(code=141)
     details = error.details if isinstance(error, InputError) else ()
-    return _Ending(code=2, message=f"{name}: {_refusal(error, name)}", details=details)
+    message = f"{name}: {_refusal(error, name)}"
+    return _Ending(code=2, message=message, details=details)
 
 
 def _refusal(error: BaseException, name: str) -> str:
@@ -441,11 +445,12 @@ def _refusal(error: BaseException, name: str) -> str:
             return str(error.args[0])
         case CommandLineError():
             context = getattr(error, "ctx", None)
-            words = context.command_path if context else name
+            words = context.command_path if context else name  # as "gen contact"
             return f"{error.format_message()} (see {command_to_type(words)} --help)"
         case _ if memory.is_shortage(error):
             return _shortage(error)
-        case _ if number := errno_of(error):  # a full device, a folder without rights
+        # an error of the system: a full device, a folder without rights
+        case _ if number := errno_of(error):
             reason = str(getattr(error, "strerror", None) or os.strerror(number))
             path = file_of(error)
             if path:
@@ -463,9 +468,9 @@ def _refusal(error: BaseException, name: str) -> str:
 
 
 def _shortage(error: BaseException) -> str:
-    """Return the message of an error by which memory has run out.
+    """Return the message for the user after an error of running out of memory.
 
-    It has the last line of the error's own message.
+    It contains the last line of the error's own text, and the memory that is allowed.
     """
     lines = str(error).splitlines()
     reason = lines[-1] if lines else "the system gives no more"
@@ -497,9 +502,10 @@ def _complain(message: str, details: Sequence[str] = ()) -> None:
 
 
 def _one_line(text: str) -> str:
-    """Return a text as one line; the middle of a text longer than `LONGEST_LINE` is left out.
+    """Return a text as one line, with single blanks between its words.
 
-    Only a generated name or number makes a message so long, so that its middle can go.
+    If it is longer than `LONGEST_LINE`, its middle is left out: only a long name or number of the
+    user's input makes a message as long as that.
     """
     line = " ".join(text.split())
     if len(line) <= LONGEST_LINE:

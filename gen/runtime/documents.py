@@ -70,13 +70,15 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
     path : Path
         The file.
     rows : sequence of Row
-        At least one row. The columns are those of the first row, in its order; other rows may not
-        have further columns.
+        At least one row. The columns are those of the first row, in its order. A row that lacks one
+        of them gets an empty cell; no row may have further columns.
 
     Raises
     ------
     InputError
         If the file cannot be written.
+    ValueError
+        If a row has a column that the first row lacks.
     """
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]))
@@ -164,7 +166,7 @@ def parse(path: Path | str, content: bytes, kind: type[Kind]) -> Kind:
         first_error = error.errors(include_url=False, include_input=False)[0]
     fault = str(first_error["msg"])
     key = ".".join(map(str, first_error["loc"]))
-    if key:  # none if the text is no JSON
+    if key:  # "" if the text is no JSON
         fault = f"{key}: {fault}"
     raise InputError(
         f"{path} is damaged: it cannot be read as what this program writes ({fault}):"
@@ -198,7 +200,7 @@ def read_columns(path: Path | str, *names: str) -> "Values":
 
     lines = read_bytes(Path(path)).decode("utf-8-sig", errors="replace").splitlines()
     reader = csv.DictReader(lines, skipinitialspace=True)
-    # np.savetxt writes "# " before the first name.
+    # Without the "# " that `numpy.savetxt` writes in front of the first name.
     columns = [name.strip("# ") for name in reader.fieldnames or []]
     reader.fieldnames = columns
     missing = [name for name in names if name not in columns]
@@ -208,7 +210,7 @@ def read_columns(path: Path | str, *names: str) -> "Values":
         )
     rows = []
     for row in reader:
-        numbers = _numbers(row, names)
+        numbers = _numbers(row, names)  # [NaN] if a cell is no number
         if not all(map(math.isfinite, numbers)):
             raise InputError(
                 f"{path}, line {reader.line_num}: {', '.join(names)} have to be finite numbers"

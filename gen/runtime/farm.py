@@ -107,7 +107,8 @@ class World:
 
     rank: int = 0  # number of this process; 0 is the master
     size: int = 1  # number of processes
-    communicator: Any = None  # mpi4py's communicator of all processes; None without MPI
+    # mpi4py's communicator of all processes; None if there is one process, or MPI does not start
+    communicator: Any = None
 
     @property
     def is_master(self) -> bool:
@@ -174,13 +175,13 @@ class World:
     def _code_of_master(self, code: int | None) -> int | None:
         """Send the master's `code` to all processes, and return it; a collective call.
 
-        None means that the master is still running the command. `broadcast` sends its value in a
-        message of its own: a worker that ends because its memory has run out must not import the
-        modules that unpickling the value needs.
+        The code of a worker is ignored. None means that the master is still running the command.
+        `broadcast` sends its value in a second message: a worker that ends because its memory has
+        run out must not import the modules that unpickling the value needs.
         """
         # Sleep until the master sends, because the waiting of `bcast` would keep a core busy.
         announcement = self.communicator.Ibcast(bytearray(1), root=0)
-        nap = LONGEST_NAP / 1024
+        nap = LONGEST_NAP / 1024  # short at first, because most messages come soon [s]
         while not announcement.Test():
             time.sleep(nap)
             nap = min(2 * nap, LONGEST_NAP)
@@ -193,7 +194,7 @@ class World:
         Parameters
         ----------
         code : int, optional
-            Exit code of all processes; 0 counts as 1. If it is left out, the exception that is
+            Exit code of all processes; 0 is replaced by 1. If it is left out, the exception that is
             being handled is a bug: its traceback is printed, and the exit code is 1.
         """
         if code is None:
@@ -253,9 +254,9 @@ def without_mpi() -> World:
     Returns
     -------
     World
-        A world of one process. If a launcher has started several processes, each gets a world of
-        one with its own rank, from the environment. Rank 0 runs the command, and the other ranks,
-        which are no masters, do nothing.
+        A world of size 1 without a communicator. Its rank is the one that a launcher has set in the
+        environment (`RANKS`), or 0. If a launcher has started several processes, the process of
+        rank 0 therefore runs the command as its master, and the other processes do nothing.
     """
     for name in RANKS:
         rank = os.environ.get(name, "")
@@ -421,7 +422,7 @@ def run(
     if not world.is_master:
         os.environ.setdefault("MPI4PY_FUTURES_BACKOFF", SENDING_NAP)
     try:
-        # A worker does tasks while it enters the `with`, and then has no executor.
+        # On a worker, entering the `with` does all of its tasks, and gives None for the executor.
         with MPICommExecutor(world.communicator, root=0) as executor:
             if executor is not None:
                 upcoming = _until(stopping, tasks)
@@ -431,15 +432,18 @@ def run(
 
 
 def _do(task: Any) -> Any:
-    """Return the result of a task by the `work` that this process has passed to `run`.
+    """Do a task by the function that this process has passed to `run`, and return its result.
 
-    The master sends only the task and the name of this function, not `work` itself.
+    The master sends only the task and the name of `_do` to a worker, not its own `work`.
     """
     return _work_of_process.get()(task)
 
 
 def _until(stopping: Callable[[], bool], tasks: Iterator[Task]) -> Iterator[Task]:
-    """Yield tasks until `stopping`, which is called before each task is drawn, returns True."""
+    """Yield tasks until none is left, or until `stopping` returns True.
+
+    `stopping` is called before each task is drawn.
+    """
     while not stopping():
         task = next(tasks, None)
         if task is None:
@@ -558,7 +562,9 @@ class Interruption(ExitStack):
                 time.sleep(PATIENCE)
             if self.signal:  # Python has handled the signal by `_note`
                 continue
-            if acknowledged:  # rows that were synced are on the disk already
+            # The second request ends the process without cleaning up, with the exit code that a
+            # shell gives. Rows that were synced are on the disk already.
+            if acknowledged:
                 os._exit(128 + stop_signals[-1])
             acknowledged = True
             with suppress(OSError, ValueError):  # standard error is closed

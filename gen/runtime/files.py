@@ -186,7 +186,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
             continue
         _refuse_same(output, output.path, input_files, earlier)
         try:
-            _output_place(output.path, output.kind)  # raises for an unusable place
+            _output_place(output.path, output.kind)  # called for its errors alone
         except InputError as error:
             raise InputError(f"{output.option} {error}") from None
         earlier.append(output)
@@ -206,7 +206,10 @@ def _files_of(inputs: Iterable[Path | str]) -> list[Path]:
 def _refuse_same(
     output: Output, path: Path, input_files: Sequence[Path], earlier: Sequence[Output]
 ) -> None:
-    """Refuse an output whose path (`output.path`, not None) leads to an input or earlier output."""
+    """Refuse an output whose path leads to one of the inputs or to an earlier output.
+
+    `path` is `output.path`, which is not None.
+    """
     if any(_is_same(path, file) for file in input_files):
         raise InputError(f"{output.option} {path}: is an input: not replaced")
     for other in earlier:
@@ -237,7 +240,7 @@ def check_folder(folder: Path, *names: str) -> None:
         not be replaced.
     """
     real = place_of(folder, folder=True)
-    # The folder itself if it exists, otherwise the folder in which it would be made.
+    # The folder itself if it exists, otherwise the lowest folder above it that exists.
     nearest = next(parent for parent in (real, *real.parents) if parent.exists())
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(f"{folder} cannot be written: no file can be made in {nearest}")
@@ -245,7 +248,7 @@ def check_folder(folder: Path, *names: str) -> None:
         return
     for name in names:
         kind: Kind = "picture" if name.endswith(".png") else "text"
-        _output_place(folder / name, kind)
+        _output_place(folder / name, kind)  # called for its errors alone
 
 
 def make_folder(folder: Path) -> None:
@@ -594,8 +597,8 @@ def kind_of(path: Path) -> str:
     Returns
     -------
     str
-        A `Kind`, "database", "binary" for any other file that is not a text, or "" for an empty
-        file.
+        A `Kind`, or "database". "binary" for a file of no known kind with bytes that texts do not
+        have, and "" for an empty file.
 
     Raises
     ------
@@ -633,7 +636,8 @@ def _is_same(first: Path, second: Path) -> bool:
     If nothing exists under either path, tell whether both lead to the same place. The result is
     False if a path leads into a loop of links.
     """
-    with suppress(OSError):  # `second` does not exist, or links form a loop
+    # `second` does not exist although `first` does, or links form a loop.
+    with suppress(OSError):
         if first.exists():
             return first.samefile(second)
         return followed(first) == followed(second)
@@ -657,9 +661,9 @@ def lock(path: Path) -> Iterator[None]:
     """Hold the lock of a database while the block creates or writes it.
 
     The lock is a lock of the kernel on the file `<path>.lock`, whose text names the holder. The
-    kernel releases it when the process ends. All links to a database share its lock. On a file
-    system without locks, the block runs unlocked if the user has set
-    `HDF5_USE_FILE_LOCKING=FALSE`, as is usual there.
+    kernel releases it when the process ends. If links lead to a database, the lock is beside the
+    database, and all links share it. On a file system without locks, the block runs unlocked if
+    the user has set `HDF5_USE_FILE_LOCKING=FALSE`, as is usual there.
 
     Parameters
     ----------
@@ -717,8 +721,8 @@ def lock_folder(folder: Path) -> Iterator[None]:
 def _held(path: Path, lock_path: Path) -> Iterator[None]:
     """Hold a lock on the file `lock_path` during the block; InputError if that fails.
 
-    `path` is the database or folder that is locked, for messages. The file gets the name of this
-    process as its text, and is removed after the block.
+    `path` is the database or folder that is locked, for messages. The text of `_holder` is written
+    into the file, which is removed after the block.
     """
     descriptor = _locked_file(path, lock_path)
     with suppress(OSError):  # on a full disk the text is missing, but the lock holds
@@ -756,9 +760,9 @@ def _locked_file(path: Path, lock_path: Path) -> int:
 def _lock(descriptor: int, lock_path: Path) -> str:
     """Lock the open file of a lock, without waiting.
 
-    Returns "" if the file is locked, or if the file system has no locks and the user does without.
-    Otherwise returns the reason as a sentence without its subject, which is the output's path: "is
-    being written by ...; wait until it ends".
+    Returns "" if the file is locked now, or if the file system has no locks and the user has
+    allowed to go on without one. Otherwise returns the reason, which continues a message that
+    begins with the path of the output, as "is being written by ...; wait until it ends".
     """
     is_regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
     content = os.pread(descriptor, LONGEST_LOCK + 1, 0) if is_regular else b""

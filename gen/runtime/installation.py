@@ -49,9 +49,9 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 def git_commit() -> str:
     """Return the commit that this code is checked out at, or was built from.
 
-    Git's files are read here, because starting git from a process of MPI is unsafe. A version file
-    that setuptools writes would be out of date in a clone that is installed editably, because such
-    a clone changes without being installed again.
+    In a clone, the files of git are read, because starting git from a process of MPI is unsafe. A
+    file that is written at the installation, as `STAMP`, would be out of date there: an editable
+    clone changes without being installed again.
 
     Returns
     -------
@@ -111,6 +111,7 @@ def command_for(extra: str) -> str:
         return f"install Asperity again, with its extra {extra!r}"
     pip = [sys.executable, "-m", "pip"]
     pip_of_this_python = str(Path(sys.executable).with_name("pip"))
+    # The short command, if it is that of this Python.
     if shutil.which("pip") == pip_of_this_python:
         pip = ["pip"]
     return shlex.join([*pip, "install", "-e", f"{REPOSITORY}[{extra}]"])

@@ -37,7 +37,8 @@ def allowed() -> int:
 
     This is the smallest of the four limits. Unknown limits are ignored.
     """
-    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    machine_memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    limits = [machine_memory]
     container_limits = (
         "/sys/fs/cgroup/memory.max",
         "/sys/fs/cgroup/memory/memory.limit_in_bytes",
@@ -103,7 +104,7 @@ def require_blas() -> None:
     if child == 0:
         _try_blas()
     _, status = os.waitpid(child, 0)
-    if status:
+    if status:  # the child has failed, or a signal has ended it
         raise MemoryError(
             "no room for NumPy, SciPy and their buffers for products of matrices"
         )
@@ -144,7 +145,7 @@ def _use_blas() -> None:
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
-    """Return the error for a contact whose solution has run out of memory.
+    """Make the error for a contact whose solution has run out of memory.
 
     Parameters
     ----------

@@ -199,8 +199,8 @@ def quoted(text: str, longest: int = 60) -> str:
     Returns
     -------
     str
-        The text as a literal of Python. Of a longer text the first `longest` letters, as
-        "'abc'... (300 characters)".
+        The text as a literal of Python, as "'abc'". Of a text that is longer than `longest`, its
+        first letters and its length, as "'abc'... (300 characters)".
     """
     if len(text) <= longest:
         return repr(text)
@@ -218,7 +218,7 @@ def first_reason(reasons: str) -> str:
     Returns
     -------
     str
-        Text for a narrow column, such as "not resolved; and 2 more".
+        Text for a narrow column, such as "not resolved; and 2 more"; a single reason as it is.
     """
     first, _, remaining = reasons.partition("; ")
     if not remaining:

@@ -74,7 +74,7 @@ def load_function(name: str, source: str | None) -> Function:
     Returns
     -------
     callable
-        The function. The next call with equal arguments returns it without checks.
+        The function. Later calls with equal arguments return it from a cache, without checks.
 
     Raises
     ------
@@ -138,9 +138,9 @@ def source_errors(
 
 
 def _with_reason(fault: str, error: BaseException) -> str:
-    """Return "FAULT: MESSAGE" with the beginning of the error's message, or the fault alone.
+    """Return "FAULT: MESSAGE" in one line, with the first `LONGEST_REASON` letters of the message.
 
-    An error without a message gives the fault alone.
+    Of an error without a message, return the fault alone.
     """
     message = " ".join(str(error).split())
     reason = message[:LONGEST_REASON]
@@ -208,8 +208,8 @@ def _top_spec(module: str) -> ModuleSpec | None:
 def _candidates(spec: ModuleSpec, inner_names: list[str]) -> list[Path]:
     """Return the paths that the file of a module may have; not all of them exist.
 
-    `spec` is that of the top package, and `inner_names` are the further names of a dotted name. If
-    there are none, the module is the top package itself.
+    `spec` is that of the top package. `inner_names` are the names that follow it in the dotted name
+    of the module; the list is empty if the module is the top package itself.
     """
     if not inner_names:
         return [Path(spec.origin or "")]

@@ -40,9 +40,8 @@ def columns_of_generators(
         If two generators have a column of one name with different units or types.
     """
     columns: dict[str, Column] = {}
-    owners: dict[
-        str, list[str]
-    ] = {}  # names of the generators that have a column, by its name
+    # For the name of each column, the names of the generators that have it, in Markdown.
+    owners: dict[str, list[str]] = {}
     for table in generators:
         for column in _columns_of(table):
             first = columns.setdefault(column.name, column)

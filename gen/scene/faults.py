@@ -29,9 +29,8 @@ class _Fault:
     rule: str
     location: Location  # location of the value in the scene; empty for the whole scene
     value: object  # the wrong value; for a missing key, the value of its whole table
-    generator: (
-        str  # generator of the table [surface] that has the key; "" for other tables
-    )
+    # Generator of the table [surface] that has the key; "" for other tables.
+    generator: str
     message: str  # pydantic's message; for a conflict, the words of this project
     refusal: str  # message of the ValueError that a validator raised; "" for other rules
 
@@ -150,20 +149,21 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
 
 
 def _causes(error: ValidationError) -> list[ErrorDetails]:
-    """Return pydantic's faults, apart from missing keys of tables that have an unknown key.
+    """Return pydantic's reports, apart from those of missing keys next to unknown keys.
 
-    The unknown key is probably the missing one, misspelt.
+    If a table lacks a key and has an unknown one, the unknown key is probably the missing one,
+    misspelt.
     """
-    faults = error.errors(include_url=False)
+    reports = error.errors(include_url=False)
     tables_with_unknown_key = {
-        fault["loc"][:-1] for fault in faults if fault["type"] == "extra_forbidden"
+        report["loc"][:-1] for report in reports if report["type"] == "extra_forbidden"
     }
     causes = []
-    for fault in faults:
-        is_missing_key = fault["type"] == "missing"
-        if is_missing_key and fault["loc"][:-1] in tables_with_unknown_key:
+    for report in reports:
+        is_missing_key = report["type"] == "missing"
+        if is_missing_key and report["loc"][:-1] in tables_with_unknown_key:
             continue
-        causes.append(fault)
+        causes.append(report)
     return causes
 
 

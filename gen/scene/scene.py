@@ -152,11 +152,11 @@ class Scene(Table):
     ) -> dict[str, Any]:
         """Return the content of a scene without keys that are None.
 
-        A free boundary is left out too, unless the surfaces are cut out of larger ones, where it is
-        not the default.
+        A free boundary is left out too where it is the default, so that older scenes keep their
+        fingerprints. For windows the default is a mirror.
         """
         content: dict[str, Any] = handler(self)
-        if self.contact.boundary == "free" and not self.surface.PLACES:
+        if self.contact.boundary == "free" and not self.surface.cuts_windows:
             content.get("contact", {}).pop("boundary", None)
         return {name: value for name, value in content.items() if value is not None}
 

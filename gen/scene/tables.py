@@ -18,7 +18,7 @@ from gen.distribution import (
     limits,
 )
 from gen.doubts import material_doubts
-from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
+from gen.generators.function import FUNCTION_WORDS, Function, Hash, checked_names
 from gen.material import Bodies
 from gen.quantities import stored_quantities
 
@@ -123,11 +123,11 @@ class Contact(Table):
 
     @property
     def doubts(self) -> list[str]:
-        """Warning in one line about a material that no solid has, or an empty list.
+        """A list of one warning about a material that no solid has, or an empty list.
 
-        The modulus may be above that of any solid, or the hardness may not suit the modulus.
-        Nothing is checked if neither a modulus nor a hardness in MPa is given. Hardnesses in
-        multiples of E* are not checked.
+        It warns of a modulus above that of any solid, and of a hardness [MPa] that does not suit
+        the modulus. Nothing is checked if neither a modulus nor a hardness in MPa is given. A
+        hardness in multiples of E* is never checked.
         """
         if self.hardness is None and not self.has_modulus:
             return []
@@ -139,8 +139,8 @@ class Contact(Table):
                 e_star=self.e_star, hardness=hardness, has_modulus=self.has_modulus
             )
             doubts = material_doubts(bodies)
-            if doubts:  # The other limit would give a similar line.
-                return doubts
+            if doubts:
+                return doubts  # the other limit of the hardness would give a similar line
         return []
 
     @property
@@ -231,10 +231,13 @@ def _keys_of_quantities() -> type[Table]:
     keys: dict[str, Any] = {}  # pairs of the type and the default of each key
     for quantity in stored_quantities():
         if quantity.stored != "asked":
-            continue
-        if quantity.early:  # The first scenes had these keys, and their texts write them.
+            continue  # scenes do not ask for it
+        if quantity.early:
+            # The text of a scene has these oldest keys even if they are false, which its
+            # fingerprint needs.
             keys[quantity.name] = (bool, False)
         else:
+            # Left out of the text if it is false, see `Flag`.
             keys[quantity.name] = (Flag, None)
     return create_model("StoredQuantities", __base__=Table, **keys)
 
@@ -255,7 +258,8 @@ class Store(StoredQuantities):
     # Without this key a run takes the outputs that the function returns for the first contact, and
     # records them in the database.
     outputs: (
-        Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(named)] | None
+        Annotated[dict[str, Unit], Field(min_length=1), AfterValidator(checked_names)]
+        | None
     ) = Field(
         default=None,
         description="a table of the function's outputs, { name = 'unit' }, of 1 to 20 letters",

@@ -130,11 +130,11 @@ def grow(
 
 
 def _require_own(database: Path, surrogate: Path, picture: Path) -> None:
-    """Raise InputError if the files of a growth are there that it cannot have written itself.
+    """Raise InputError if one of the files exists that no growth with this output has written.
 
-    A growth writes its database first, then the surrogate, and its picture last: a later file
-    without an earlier one is not its own. If there is a database without a surrogate, a line on
-    standard error says that its rows are used.
+    A growth writes its database first, then its surrogate, and its picture last. A surrogate
+    without a database, or a picture without a surrogate, is therefore another command's. If there
+    is a database without a surrogate, a line on standard error says that its rows are used.
     """
     for earlier, later in ((database, surrogate), (surrogate, picture)):
         if later.exists() and not earlier.exists():

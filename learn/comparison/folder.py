@@ -116,7 +116,7 @@ class SearchReport(Document):
 
     how: str  # steps of the search in words
     grid: str = grids.TABLE_2  # name of the grid
-    rows: Count  # number of training rows, by the folds of which the search decided
+    rows: Count  # number of training rows; the search decided by their folds
     candidates: Count  # number of candidates of the grid
     # number of candidates that lead to different computations
     candidates_differing: Count
@@ -504,8 +504,8 @@ class Folder:
         Raises
         ------
         InputError
-            If the table is missing or damaged, or a number is not finite or its magnitude not below
-            `LARGEST`.
+            If the table is missing or damaged, or the magnitude of a number is not below `LARGEST`
+            (or NaN).
         """
         path = self.path / name
         try:
@@ -519,7 +519,7 @@ class Folder:
             ) from None
         if not (np.abs(table) < LARGEST).all():  # False for NaN, too
             raise InputError(f"{path}: holds values that are not finite: move it away")
-        # A table without rows has shape (0,) before.
+        # Without rows the array has shape (0,): give it its columns.
         return table.reshape(-1, len(columns))
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:

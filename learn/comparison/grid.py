@@ -465,6 +465,7 @@ def expected_work(task: Task) -> float:
     """
     candidates = [*task.candidates.values()]
     common = candidates[0]
+    # `_largest` is 1 for a setting that is absent or no number.
     work = task.rows * _largest(candidates, "n_estimators")
     work = work * _largest(candidates, "max_features") * sqrt(_largest(candidates, "C"))
     for name in ("max_depth", "estimator__max_depth"):
@@ -482,14 +483,16 @@ def expected_work(task: Task) -> float:
             work *= 20
     if task.model == "kernel-ridge":
         if common.get("kernel") == "rbf":
+            # The kernel matrix is built once, and factorised for the alpha of each candidate.
             work *= len(candidates)
         else:
+            # The singular values of a linear kernel's features serve every alpha.
             work *= 0.01
     return work
 
 
 def _largest(candidates: list[SettingValues], name: str) -> float:
-    """Return the largest magnitude of a setting in some candidates; 1 if it has no number."""
+    """Return the largest magnitude of a setting over candidates; 1 if it is a number in none."""
     values = (candidate.get(name) for candidate in candidates)
     magnitudes = [abs(value) for value in values if isinstance(value, int | float)]
     return float(max(magnitudes, default=1.0))

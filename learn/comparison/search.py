@@ -209,15 +209,15 @@ class GridSearch:
 
         If not all candidates were judged, `how` becomes a description of the steps.
 
-        The steps on fewer rows and the judgement on all rows have equal shares of the share
-        `JUDGED` of the time. A fit that does not end within its share is stopped. The rest of the
+        The steps on fewer rows and the judgement on all rows share the part `JUDGED` of the time
+        equally. A fit that does not end within the time of its step is stopped. The rest of the
         time is for the last fit of the winner. The optimum takes part in every step that has any
         candidates and is judged first, even if it is not among the best on few rows.
 
         Parameters
         ----------
         until : float
-            Time of `time.time` at which the last fit of the winner has to end, too [s].
+            Time of `time.time` by which also the last fit of the winner has to end [s].
         """
         total = self.training.rows
         began = time.time()
@@ -297,8 +297,9 @@ class GridSearch:
     def _go_beyond(self, until: float = inf) -> None:
         """Replace the grid by larger ones and search them, while the winner is at an end.
 
-        This ends when no additional candidate of a larger grid was judged; the grid is then the one
-        before. No fit is done after the time `until` of `time.time` [s].
+        This ends when no additional candidate of a larger grid was judged; the last grid with a
+        judged additional candidate is kept, or the first grid. Fits are stopped at the time `until`
+        of `time.time` [s].
         """
         while not self.stopping() and self.winner in self.grid.differing:
             smaller_grid = self.grid
@@ -378,12 +379,10 @@ class GridSearch:
     def winner(self) -> str:
         """Name of the best candidate, or of the baseline if no candidate is better.
 
-        It is "" if neither has a score.
+        It is "" if neither has a score on all folds.
         """
-        names = [*self.baseline_family]
-        if self.best:
-            names.append(self.best)
-        # Of equal scores `max` takes the first one, the baseline's.
+        names = [name for name in (self.baseline_name, self.best) if name]
+        # The baseline is first: `max` takes it if scores are equal.
         means = self.means(names)
         return max(means, key=means.__getitem__, default="")
 

@@ -95,7 +95,7 @@ class Intervals:
     """Intervals of the scores of a result, by a bootstrap of its test rows."""
 
     by_score: dict[str, Interval]  # intervals by the field of `learn.metrics.Scores`
-    drawn: str  # number and kind of the groups that are resampled, as "12 surfaces"
+    resampled: str  # number and kind of the groups that are resampled, as "12 surfaces"
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +272,7 @@ def _intervals(
     elif comparison.split_by_surface:
         kind = "surface"
     by_score = {name: Interval(low=low, high=high) for name, (low, high) in ends.items()}
-    return Intervals(by_score=by_score, drawn=f"{np.unique(groups).size} {kind}s")
+    return Intervals(by_score=by_score, resampled=f"{np.unique(groups).size} {kind}s")
 
 
 def winner_of(search: SearchReport) -> str:
@@ -351,7 +351,7 @@ def _score_cells(row: TableRow, target: str) -> Cells:
             cells[f"{name}_high"] = interval.high
         cells["level"] = LEVEL
         cells["resamples"] = BOOTSTRAP
-        cells["drawn"] = row.intervals.drawn
+        cells["drawn"] = row.intervals.resampled
     return cells
 
 
@@ -377,8 +377,9 @@ def search_cells(row: TableRow, search: SearchReport) -> Cells:
     -------
     dict
         Cells by column: R2 in percent, times in seconds. Each file takes the cells of its own
-        columns. A mean of R2 (`DECIDING`) is left out if its fits have no score on all folds; the
-        time of the search is left out if the result has no times.
+        columns. A mean of R2 (`DECIDING`) is left out unless there is a score on every fold.
+        `fit_seconds`, the sum of the times of all fits of the search, is left out if the result has
+        no times.
     """
     cells: Cells = {
         "model": row.model,
@@ -435,20 +436,22 @@ def notes_on_scores(tables: Tables) -> Iterator[str]:
     str
         One note. There is none without scores; the note on the nMSE is for areas only.
     """
-    drawn = [row.intervals.drawn for row in tables.rows if row.intervals is not None]
-    for text in dict.fromkeys(drawn):
+    if not tables.scored:
+        return
+    # Groups and spread are equal for all results with scores: these share the test rows.
+    row = tables.scored[0]
+    if row.intervals is not None:
         yield (
             f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
-            f" {BOOTSTRAP:,} resamples of {text}; nMaxE has none"
+            f" {BOOTSTRAP:,} resamples of {row.intervals.resampled}; nMaxE has none"
         )
-    spreads = [row.variance_over_mean or 0.0 for row in tables.rows]
-    largest = max(spreads, default=0.0)
-    if largest and tables.target == OUR_AREA:
+    if row.variance_over_mean and tables.target == OUR_AREA:
+        ratio = row.variance_over_mean / paper.SPREAD
         yield (
             "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas"
-            f" over their mean, {largest:.2g} % of area here and {paper.SPREAD:.2g} % in the paper."
-            f" At the same R2 the nMSE is {largest / paper.SPREAD:.2g} times the paper's: compare"
-            " R2."
+            f" over their mean, {row.variance_over_mean:.2g} % of area here and"
+            f" {paper.SPREAD:.2g} % in the paper. At the same R2 the nMSE is {ratio:.2g} times the"
+            " paper's: compare R2."
         )
 
 

@@ -157,8 +157,8 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
     numbers["force"] = force
     numbers["pressure"] = force / nominal_area
     if scene.quantity != "delta":
-        # A force or pressure that was drawn replaces that of the solver, which differs by its
-        # tolerance. A relative load is a further number.
+        # A force or pressure that was drawn replaces the solver's, which agrees with it only to the
+        # solver's tolerance. A relative load has a name of its own, and replaces nothing.
         numbers[load_of(scene)] = column("load")
     return numbers
 
@@ -268,7 +268,8 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
     for name in _numbers_of(scenes):
         joint_limits = _joint_limits(scenes, name)
         if joint_limits is None:
-            # Not all scenes define the number. No scene defines the hardness of elastic bodies.
+            # Some or all scenes do not define the number. If only some do not, they are refused. If
+            # none defines it (the hardness, if all bodies are elastic), there is no feature.
             if any(_limits(scene, name) is not None for scene in scenes):
                 raise InputError(
                     f"--features {SCENE}: {name} is a number of some of the databases only: they"
@@ -293,8 +294,8 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
 def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
     """Return the names of the parameters that any scene draws, and then the name of the hardness.
 
-    The name of the hardness is "hardness" if a scene gives it in MPa, otherwise "hardness_ratio",
-    also for elastic bodies, which have none.
+    The name of the hardness is "hardness" if any scene gives it in MPa. Otherwise it is
+    "hardness_ratio", also if all bodies are elastic and have no hardness.
     """
     names: list[str] = []
     for scene in scenes:

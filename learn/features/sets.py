@@ -292,19 +292,19 @@ class OfSurface(FeatureSet):
 
     def of(self, rows: Rows) -> Values:
         """Compute the features of n rows, (n, d); undefined features are NaN or infinite."""
-        finite_hardness = rows
+        rows_with_finite_hardness = rows
         if self.elastic:
             # Elastic bodies have an infinite hardness, which is no number for a model.
-            finite_hardness = rows.capped()
+            rows_with_finite_hardness = rows.capped()
         features = []
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for column in self.columns:
                 formula = FORMULAS[column]
                 if column == PLASTIC:
-                    # It is 0 for elastic bodies, as their hardness is infinite.
+                    # This feature is 0 for elastic bodies, computed from their infinite hardness.
                     features.append(formula(rows))
                 else:
-                    features.append(formula(finite_hardness))
+                    features.append(formula(rows_with_finite_hardness))
         return np.column_stack(features)
 
     def shown(self, features: Values) -> Values:

@@ -68,9 +68,8 @@ class Blocks:
 
     heights: Values  # (nx, ny) [um]
     steps: Sides  # spacing of the nodes along x and y [um]
-    limit: (
-        int  # largest number of blocks per side; with fewer nodes, each node is a block
-    )
+    # largest number of blocks per side; along a side with fewer nodes, each node is a block
+    limit: int
 
     @cached_property
     def means(self) -> Values:
@@ -141,9 +140,8 @@ class Blocks:
         from scipy.special import erf
 
         pressed = pressure > 0
-        with np.errstate(
-            divide="ignore", over="ignore"
-        ):  # A slope of 0 gives erf(inf) = 1.
+        # A slope of 0 gives erf(inf) = 1.
+        with np.errstate(divide="ignore", over="ignore"):
             shares = erf(factor * PERSSON * pressure[pressed] / self.slopes[pressed])
         nodes_in_contact = (self._sizes[pressed] * shares).sum()
         return float(nodes_in_contact) / self.heights.size
@@ -456,9 +454,9 @@ class SurfaceFeatures:
         """Solve the contact of the blocks with E* = 1 MPa; raise InputError if that fails.
 
         The load is a depth below the highest block [um] or, with depth None, a nominal pressure
-        over E*. A depth of elastic bodies without edges is reduced to `NEARLY_FULL` times that of
-        full contact of the blocks. `hardness_ratio` is the hardness over E*, None for elastic
-        bodies.
+        over E*. A depth of elastic bodies without edges is at most `NEARLY_FULL` times the depth at
+        which the blocks are in full contact; larger ones are reduced to this. `hardness_ratio` is
+        the hardness over E*, None for elastic bodies.
         """
         means = coarse.means
         step_x, step_y = self.spacing
@@ -486,9 +484,9 @@ class SurfaceFeatures:
     def means(self, delta: float, hardness_ratio: float | None = None) -> CoarseMeans:
         """Return the compliance and the mean yielded depth of the coarse solve at one Delta.
 
-        The mean displacement of a solve on all nodes is about the compliance times F / (E* L) with
-        its force F, because it depends on the distribution of the load over the patch, and little
-        on the distribution over single nodes.
+        The mean displacement depends little on which single nodes carry the load. For a solve on
+        all nodes with the force F it is therefore about compliance * F / (E* L) [um], with the
+        compliance of the coarse solve.
 
         Parameters
         ----------
@@ -545,6 +543,7 @@ class SurfaceFeatures:
         if number not in self._in_blocks:
             limit = number
             if self.boundary != "free":
+                # 32 and 64 blocks are of equal size on grids of 2^k nodes (`BLOCK_COUNTS`).
                 limit -= 1
             self._in_blocks[number] = Blocks(self.heights, self.spacing, limit)
         return self._in_blocks[number]

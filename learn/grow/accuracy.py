@@ -171,8 +171,9 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
 def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
     """Estimate the error of the mean over surfaces.
 
-    Single surfaces deviate from their mean by much more than the error of the mean. This error is
-    therefore the distance of the mean from other functions that the Gaussian process could be.
+    The error of the mean cannot be seen in single surfaces, which deviate from their mean by much
+    more. It is estimated as the distance of the mean from functions that are drawn from the fitted
+    Gaussian process.
 
     Parameters
     ----------
@@ -359,7 +360,10 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
 
 
 class Curve(NamedTuple):
-    """The learning curve of a target: a power of the rows that meets the error of the last look."""
+    """The learning curve of a target.
+
+    It is a power law of the number of rows, through the error of the last look.
+    """
 
     rows: Values  # (k,), rows of the database at k looks
     nmae: Values  # (k,), errors at these looks [%]
@@ -372,7 +376,7 @@ class Curve(NamedTuple):
         return float(np.clip(-slope, *EXPONENTS))
 
     def at(self, rows: Values) -> Values:
-        """Return the errors that the curve has at numbers of rows, (n,), in percent, (n,)."""
+        """Return the errors of the curve, (n,) [%], at numbers of rows, (n,)."""
         ratio = rows / self.rows[-1]
         return np.asarray(self.nmae[-1] * ratio**-self.exponent)
 
@@ -384,13 +388,14 @@ class Look:
     rows: int  # number of finished rows of the database
     # number of the smallest size that has at least these rows, see `size_with`
     number: int
+    row_limit: int  # largest number of rows that the user allows for the database
     mark: float  # largest nMAE that the user accepts [%]
     surrogate: Surrogate
     judged: dict[str, Judged]  # by target
     parts: Split  # training and test rows
     curve: Curve | None = None  # of the worst target; None before `POINTS` looks
-    # Number of rows with which the bound meets the mark according to the curve, infinite if it
-    # never does. None without a curve, or if the mark is met already.
+    # Result of `advise`. None without a curve, if the mark is met already, or if the database has
+    # all rows that the user allows.
     advised_rows: float | None = None
 
     def bound(self, target: str) -> float:
@@ -402,7 +407,7 @@ class Look:
 
     @property
     def worst(self) -> str:
-        """The target with the largest bound, which decides whether the mark is met."""
+        """Name of the target with the largest bound."""
         return max(self.judged, key=self.bound)
 
     @property
@@ -413,17 +418,17 @@ class Look:
         targets = self.surrogate.card["targets"].values()
         return not any(no_better(target["scores"]["r2"]) for target in targets)
 
-    def needed_rows(self) -> str:
-        """Return a text on how many rows the curve asks for; "" if `advised_rows` is None."""
+    def needed_rows_text(self) -> str:
+        """Return half a sentence about the rows that the mark needs; "" without `advised_rows`."""
         if self.advised_rows is None:
             return ""
         if math.isinf(self.advised_rows):
-            return "the learning curve does not come to it"
+            return f"the learning curve does not reach the mark within {self.row_limit:,} rows"
         missing = self.advised_rows - self.rows
         return f"the learning curve asks for {self.advised_rows:,.0f} rows, {missing:,.0f} more"
 
     def in_words(self) -> str:
-        """Return a line with the error of each target, and with the rows that the mark needs."""
+        """Return a line with the error of each target, and `needed_rows_text` for a missed mark."""
         errors = []
         for name, judged in self.judged.items():
             accuracy = judged.accuracy
@@ -434,23 +439,21 @@ class Look:
         text = f"{self.rows} rows: nMAE of {', '.join(errors)}; asked: {self.mark:g} %"
         if self.met:
             return f"{text}: met"
-        needed = self.needed_rows()
-        if needed:
-            text += f"; {needed}"
+        needed_rows = self.needed_rows_text()
+        if needed_rows:
+            text += f"; {needed_rows}"
         return text
 
 
-def advise(look: Look, curve: Curve, row_limit: int, rows: Dataset) -> float:
+def advise(look: Look, curve: Curve, rows: Dataset) -> float:
     """Estimate how many rows the mark needs.
 
     Parameters
     ----------
     look : Look
-        The last look, whose mark is not met.
+        The last look. Its mark is not met, and its rows are fewer than the row limit.
     curve : Curve
         Learning curve of its worst target.
-    row_limit : int
-        Largest number of rows that the database may have.
     rows : Dataset
         Rows of the last look. If they are windows of maps, the number of groups does not grow with
         the database, because the maps have no further tiles.
@@ -458,14 +461,16 @@ def advise(look: Look, curve: Curve, row_limit: int, rows: Dataset) -> float:
     Returns
     -------
     float
-        Rows of the first size at which the bound is expected to be at most the mark; infinite if
-        no size up to the row limit has such a bound.
+        Rows of the first size at which the bound is expected to be at most the mark, the row limit
+        being the last size; infinite if the bound is expected to be above the mark at all sizes.
     """
     per_surface = rows.origins[0].scene.samples_per_surface
     present = look.judged[look.worst].accuracy
-    last_number = size_with(row_limit, per_surface)
-    for number in range(look.number + 1, last_number + 1):
-        larger = min(size(number, per_surface), row_limit)
+    # The size of number `look.number` has more rows than the look if that ended between two sizes.
+    next_number = size_with(look.rows + 1, per_surface)
+    last_number = size_with(look.row_limit, per_surface)
+    for number in range(next_number, last_number + 1):
+        larger = min(size(number, per_surface), look.row_limit)
         share = float(curve.at(np.array([larger]))[0]) / curve.nmae[-1]
         growth = larger / look.rows  # of the number of groups
         if rows.by_tile:

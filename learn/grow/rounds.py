@@ -281,11 +281,11 @@ class Growth:
             wanted = min(size(following, self.per_surface), self.row_limit)
 
     def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
-        """Look at the first rows of the database, and set `last_look`.
+        """Look at the first `rows` rows of the database, and set `last_look`.
 
-        Rows may be too few for a fit. This raises InputError if a look is `required`, if they have
-        reached the row limit, or if they are at least as many as the size of number `PATIENT` has.
-        Otherwise the attempt has no look.
+        If the rows are too few for a fit, or cannot be learnt, the attempt has no look. InputError
+        is raised instead if a look is `required`, or if neither the row limit nor the size of
+        number `PATIENT` has more than `rows` rows.
         """
         start = time.time()
         look = None
@@ -307,7 +307,8 @@ class Growth:
             return "interrupted"
         if last is not None and last.met:
             return "met"
-        if last is not None and rows >= self.row_limit:
+        # Without time for a look at the last rows, the budget ends the growth, and not the limit.
+        if last is not None and last.rows >= self.row_limit:
             return "rows"
         if last is not None and self._is_hopeless(rows, last):
             return "hopeless"
@@ -321,15 +322,18 @@ class Growth:
         Before the size of number `EARLIEST` the curve is uncertain. The mark is then out of reach
         only if the steepest curve (`EXPONENTS`) does not reach it either.
         """
-        # An infinite number of rows means that the curve does not reach the mark.
-        if last.advised_rows is None or math.isfinite(last.advised_rows):
+        # None: there is no curve yet, or the mark is met.
+        if last.advised_rows is None:
+            return False
+        # Infinite: the curve reaches the mark at no size up to the row limit.
+        if math.isfinite(last.advised_rows):
             return False
         if last.number >= EARLIEST:
             return True
         nmae = last.judged[last.worst].accuracy.nmae
         steepest = EXPONENTS[1]
-        smallest: float = nmae * (rows / self.row_limit) ** steepest
-        return smallest > self.mark
+        smallest_nmae: float = nmae * (rows / self.row_limit) ** steepest
+        return smallest_nmae > self.mark
 
     def look(self, rows: int) -> Look | None:
         """Fit a surrogate to the first rows of the database, judge it and save it.
@@ -371,6 +375,7 @@ class Growth:
         look = Look(
             rows=rows,
             number=size_with(rows, self.per_surface),
+            row_limit=self.row_limit,
             mark=self.mark,
             surrogate=fitted.surrogate,
             judged=judged,
@@ -400,17 +405,17 @@ class Growth:
         look.surrogate.save(self.request.output)
 
     def _with_curve(self, look: Look, rows: Dataset) -> Look:
-        """Return a look with the learning curve of its worst target, and the rows that it advises.
+        """Return a copy of a look with `curve` and `advised_rows`.
 
-        Takes the rows of the look for one of its targets.
+        `rows` is the dataset of the look for any of its targets.
         """
         curve = Curve(
             rows=np.array([*self.errors], dtype=float),
             nmae=np.array([errors[look.worst].nmae for errors in self.errors.values()]),
         )
         advised_rows = None
-        if not look.met:
-            advised_rows = advise(look, curve, self.row_limit, rows)
+        if not look.met and look.rows < self.row_limit:
+            advised_rows = advise(look, curve, rows)
         return replace(look, curve=curve, advised_rows=advised_rows)
 
     def suffices(self, rows: int, added: float) -> bool:
@@ -595,7 +600,10 @@ def _show_curve(curve: Curve, target: str) -> None:
 
 
 def _show_ending(growth: Growth, ending: Ending, last: Look) -> None:
-    """Print why a growth ended, and how the user can come closer to the mark."""
+    """Print why a growth ended, and how the user can come closer to the mark.
+
+    `ending` is a key of `WORDS`: growths that were interrupted are not shown.
+    """
     accuracy = last.judged[last.worst].accuracy
     text = (
         f"{WORDS[ending]}: nMAE of {last.worst} {accuracy.nmae:.2f} %, at most"
@@ -607,15 +615,20 @@ def _show_ending(growth: Growth, ending: Ending, last: Look) -> None:
             f" {100 * RISK:g} % at most."
         )
     echo(text)
+    advice = "ask for less, allow more --rows, or try other --features"
     if ending == "hopeless":
         echo(
             f"Within {growth.row_limit} rows, the most that are allowed, the learning curve does"
-            " not come to it: ask for less, allow more --rows, or try other --features."
+            f" not reach the mark: {advice}."
         )
         return
-    needed = last.needed_rows()
-    if needed and not last.met:
-        echo(f"{needed[0].upper()}{needed[1:]}. The same command goes on.")
+    if ending == "rows":
+        # The same command would add no row.
+        echo(f"No more than {growth.row_limit} rows are allowed: {advice}.")
+        return
+    needed_rows = last.needed_rows_text()
+    if needed_rows:
+        echo(f"{needed_rows[0].upper()}{needed_rows[1:]}. The same command goes on.")
 
 
 def _line_of_errors(last: Look, target: str) -> list[str]:

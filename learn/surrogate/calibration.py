@@ -1,11 +1,12 @@
 """The rows that calibrate intervals, and the calibration by them.
 
 Intervals are calibrated by training rows, which are predicted by models that have not seen their
-surfaces: a fifth of the surfaces is left out at a time. Rows of one map are more alike than rows of
-different maps, and so are rows of one database that come from no maps. Only the errors on a map or
-database that a model has not seen show how well it predicts a new one. If there are enough maps or
-databases, each of them is therefore left out as a whole. Rows of another database can calibrate in
-place of training rows.
+surfaces: a fifth of the surfaces is left out at a time. If surfaces are windows of maps, the tiles
+of the maps take the place of surfaces, because windows of one tile can share nodes. Rows of one map
+are more alike than rows of different maps, and so are rows of one database that come from no maps.
+Only the errors on a map or database that a model has not seen show how well it predicts a new one.
+If there are enough maps or databases, each of them is therefore left out as a whole. Rows of
+another database can calibrate in place of training rows.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ from learn.surrogate.interval import (
     rows_measured_by_surfaces,
 )
 
-# The surfaces that intervals hold for: new surfaces of the only database ("surfaces"), new surfaces
-# of each map or database of the training ("each"), or surfaces of other maps or databases, and of
-# other parameters of a scene ("others").
+# The surfaces that intervals hold for. "surfaces": new surfaces of the training as a whole, which
+# is one group. "each": new surfaces of each map or database of the training. "others": surfaces of
+# other maps or databases, or of other parameters of a scene.
 Scheme = Literal["surfaces", "each", "others"]
 
 # Smallest number of maps or databases with which intervals of 90 % hold for other ones, because K
@@ -53,14 +54,15 @@ SLIGHT = 1e-3
 # Largest number of fits that leave groups out. If there are more groups, several are left out
 # together.
 MOST_FITS = 20
-# Largest share of the training rows that a model may lack to predict a part of them. If a part
-# needs more, rows are grouped in another way.
+# Largest share of the training rows that may be left out of one fit. If it were exceeded, rows are
+# grouped in another way.
 MOST_UNSEEN = 0.6
-# Smallest number of calibrating rows nearest to a cloud of the training with which the cloud has
-# scores of its own. With fewer rows it has the scores of all rows.
+# A cloud of the training has scores of its own if it is the nearest one to at least this many
+# calibrating rows. Otherwise it has the scores of all rows.
 SMALLEST = 20
-# Number of surfaces of each database or map that calibrate, if every part of them takes a fit of
-# its own. The share of rows inside intervals of 90 % then has a standard deviation of 1.5 %.
+# Number of surfaces of each database or map that suffice to calibrate, if every part of them takes
+# a fit of its own. The share of rows inside intervals of 90 % then has a standard deviation of
+# 1.5 %.
 ENOUGH = 400
 # Names of the models for which all training rows calibrate: their one fit to all these rows gives
 # the errors at rows that are left out. The mean of a population gives them only if each surface is
@@ -75,8 +77,8 @@ class Groups:
     """The grouping of n rows by maps, databases or surfaces, for the calibration of intervals."""
 
     labels: Indices  # (n,), number of the group of each row: 0, 1, ...
-    # what a group is, or, if all rows are one group, what this group consists of: "map",
-    # "database", "surface" or "tile"; "row" if all rows share one surface
+    # With several groups, what each group is: "map", "database" or "surface". With one group, what
+    # it consists of: "surface", "tile", or "row" if all rows share one surface.
     kind: str
     number: int  # number of different maps, databases, surfaces, tiles or rows, as `kind` says
     scheme: Scheme  # the surfaces that intervals hold for
@@ -127,9 +129,9 @@ class Groups:
 def groups_of(rows: Dataset) -> Groups:
     """Group rows to calibrate intervals.
 
-    Windows of maps are grouped by maps, also if windows of one map are in several databases. Other
-    rows are grouped by surfaces if the features are a scene's own, otherwise by databases. All rows
-    are one group if there are too few groups, or if too few rows would be left to train on.
+    Rows of maps are grouped by maps, also if rows of one map are in several databases. Other rows
+    are grouped by surfaces if the features are a scene's own, otherwise by databases. All rows are
+    one group if there are too few groups, or if too few rows would be left to train on.
 
     Parameters
     ----------
@@ -139,10 +141,11 @@ def groups_of(rows: Dataset) -> Groups:
     Returns
     -------
     Groups
-        The groups of the rows. They are to be left out as a whole (scheme "others") if there are
-        `FEWEST` or more, and if enough rows are left then.
+        The groups of the rows, with one of three schemes. "others": there are `FEWEST` groups or
+        more, each is left out as a whole, and enough rows remain. "each": surfaces of each map or
+        database are left out. "surfaces": all rows are one group.
     """
-    # Tiles of maps count as surfaces here.
+    # Tiles of maps are treated as surfaces.
     surfaces, surface_of_row = np.unique(rows.groups, return_inverse=True)
     number_of_surfaces = surfaces.size
     if rows.features.of_scene and not rows.by_tile:
@@ -161,16 +164,19 @@ def groups_of(rows: Dataset) -> Groups:
     kind = "database"
     if rows.by_tile:
         kind = "map"
-    surfaces_left_out = Groups(
+    by_population_new_surfaces = Groups(
         labels=population_of_row, number=populations.size, kind=kind, scheme="each"
     )
     if populations.size >= FEWEST:
-        populations_left_out = replace(surfaces_left_out, scheme="others")
-        # Databases may share surfaces, which are left out together with each of them.
-        if _leaves_enough(rows, populations_left_out):
-            return populations_left_out
-    if _leaves_enough(rows, surfaces_left_out):
-        return surfaces_left_out
+        by_population_new_populations = replace(
+            by_population_new_surfaces, scheme="others"
+        )
+        # A database that is left out takes its surfaces out of all other databases too: too few
+        # rows may remain.
+        if _leaves_enough(rows, by_population_new_populations):
+            return by_population_new_populations
+    if _leaves_enough(rows, by_population_new_surfaces):
+        return by_population_new_surfaces
     return _one_group(rows, number_of_surfaces)
 
 
@@ -279,13 +285,14 @@ def plan_calibration(model: str, train: Dataset, other: Dataset | None = None) -
 def _measure(train: Dataset, groups: Groups) -> MeasuredRows:
     """Make the measure of distances with the limit of the flag, and apply it to the training rows.
 
-    Rows are measured from rows of other surfaces. If groups are left out as a whole, they are
-    measured from all rows: `calibrate` does not use distances then, and the limit is from groups
-    that were left out in turn. For a scene's own features all distances are 0, without a limit.
+    Each row is measured from the rows of other parts (`Groups.left_out`), thus of other surfaces.
+    If groups are left out as a whole, rows are measured from all rows, themselves included:
+    `calibrate` does not use these distances, and the limit is from groups that were left out in
+    turn. For a scene's own features all distances are 0, and the limit is infinite.
     """
     if train.features.of_scene:
         # Parameters are drawn independently of each other, so that their ranges suffice for the
-        # flag.
+        # flag. Whitenings of 0 make all distances 0.
         features = train.inputs.shape[1]
         distance = Distance(
             centres=np.zeros((1, features)),
@@ -333,14 +340,14 @@ def _plan_by_training(
     parts = list(holdouts(train, groups.left_out(train)))
     whole_populations = groups.are_populations and groups.are_left_out
     if model not in CLOSED and not whole_populations:
-        # Each part takes another fit, so that no more parts calibrate than needed.
+        # Each part takes another fit: leave away parts that are not needed.
         populations = 1
         if groups.are_populations:
             populations = groups.number
         parts = _first_with_surfaces(ENOUGH * populations, parts, train)
     calibrating = np.sort(np.concatenate([part.rows for part in parts]))
-    # Maps and databases are all among the rows that calibrate. Surfaces, tiles or rows are counted
-    # anew, because only some of them may calibrate.
+    # Rows of all maps or databases calibrate. Of surfaces, tiles or rows only some may calibrate:
+    # these are counted.
     number = groups.number
     if model not in CLOSED and not groups.are_populations:
         number = np.unique(train.surfaces[calibrating]).size
@@ -363,7 +370,10 @@ def _plan_by_training(
 def _first_with_surfaces(
     enough: int, parts: Sequence[Holdout], train: Dataset
 ) -> list[Holdout]:
-    """Return the first parts that have `enough` surfaces or tiles together, or all parts."""
+    """Return the first parts that together have `enough` surfaces or tiles.
+
+    All parts are returned if they have fewer together.
+    """
     chosen: list[Holdout] = []
     surfaces: set[int] = set()
     for part in parts:
@@ -377,8 +387,8 @@ def _first_with_surfaces(
 def _entry(groups: Groups, database: str = "", sha256: str = "") -> dict[str, Any]:
     """Return the entry "calibration" of the card.
 
-    `database` and `sha256` are path and checksum of another database that calibrates; "" if
-    training rows calibrate.
+    `groups` are those of the rows that calibrate. `database` and `sha256` are path and checksum of
+    another database that calibrates; "" if training rows calibrate.
     """
     return {
         "scheme": groups.scheme,
@@ -392,22 +402,22 @@ def _entry(groups: Groups, database: str = "", sha256: str = "") -> dict[str, An
 def _remark(groups: Groups) -> str:
     """Return the line for the user on the groups that calibrate; "" if there is only one group.
 
-    It is as "intervals by 17 maps, each predicted without it".
+    An example: "intervals by 17 maps, each predicted without it".
     """
     if not groups.are_several:
         return ""
-    how = "by surfaces that the model has not seen"
+    kind_of_errors = "by surfaces that the model has not seen"
     if groups.are_left_out:
-        how = "each predicted without it"
-    return f"intervals by {groups.number} {groups.kind}s, {how}"
+        kind_of_errors = "each predicted without it"
+    return f"intervals by {groups.number} {groups.kind}s, {kind_of_errors}"
 
 
 def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibration:
     """Calibrate intervals by the errors of predictions.
 
-    Errors are divided by their growth with the distance from the training, unless groups are left
-    out as a whole. Usual errors are then fitted to them. The score of a row is its error over its
-    usual error, which for this purpose is fitted without the part that the row is in.
+    Errors are first divided by their growth with the distance from the training, unless groups are
+    left out as a whole. Usual errors are then fitted to the results. The score of a row is its
+    divided error over its usual error, which for this purpose is fitted without the row's part.
 
     Parameters
     ----------
@@ -418,7 +428,7 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
     raw : ndarray, shape (n,)
         Predictions over the target's scale, by models that have not seen the rows.
     root : bool
-        True for errors of the square root of the target.
+        True for errors of the square root of the target over its scale.
 
     Returns
     -------
@@ -442,7 +452,7 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
     all_rows = np.ones(rows.size, dtype=np.bool_)
     scale = _usual_errors(rows.inputs, errors, groups, all_rows)
     if groups.are_left_out:
-        # All groups together are one entry, which holds for any new group.
+        # The scores of all groups are one entry, which holds for any new group.
         together = Scores.of(errors / usual, groups.labels)
         return Calibration(scores=(together,), usual=scale, distance=None, root=root)
     scores = _scores_of_clouds(errors / usual, rows, plan.measured)
@@ -452,7 +462,8 @@ def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibrat
 def _absolute_errors(raw: Values, truth: Values, *, root: bool) -> Values:
     """Return absolute errors of n predictions over the target's scale, (n,).
 
-    With `root` they are the errors of square roots, where negative numbers are taken for 0.
+    `raw` are the predictions and `truth` the targets, both over the target's scale, (n,). With
+    `root` the errors are those of their square roots; negative numbers are first replaced by 0.
     """
     if root:
         raw = np.sqrt(np.maximum(raw, 0))
@@ -483,9 +494,9 @@ def _scores_of_clouds(
 ) -> tuple[Scores, ...]:
     """Return the scores of each cloud of the training, in the order of the clouds.
 
-    A cloud has the scores of the rows that are nearest to it, or of all rows if fewer than
-    `SMALLEST` rows are nearest to it. `errors` are the errors of n rows over their growth and their
-    usual errors, (n,).
+    A cloud has the scores of the rows to which it is the nearest cloud, or, if these are fewer than
+    `SMALLEST`, the scores of all rows. `errors`, (n,), are the errors of the rows, divided by their
+    growth and by their usual errors. All surfaces have an equal weight.
     """
     scores = []
     for cloud in range(len(measured.training.centres)):
@@ -525,7 +536,7 @@ def rows_of_another(
     columns_together = together[0].features.columns
     path = together[0].origins[-1].database
     if columns != columns_together:
-        # Nodes and hardness are features only if they differ between rows.
+        # Nodes and hardness are features only if they differ between the rows of all databases.
         differing = sorted(set(columns) ^ set(columns_together))
         raise InputError(
             f"--calibrate-on {path}: has another grid or hardness than the training: there"

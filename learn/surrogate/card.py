@@ -499,6 +499,7 @@ def _table_of_scores(card: Mapping[str, Any]) -> Table:
     rows = []
     for name, target in card["targets"].items():
         target_scores = target["scores"]
+        # the smallest and the largest true value of the test rows
         low, high = target["range"]
         # The nMSE has the unit of the target. It is shown for the area only, which is in percent.
         nmse = "-"

@@ -288,7 +288,8 @@ def _fit_process(
     """Return a fitted Gaussian process whose amplitude, lengths and noise are the most likely ones.
 
     `inputs` are the features, (n, d), and `target` the scaled targets, (n,). The search starts from
-    `lengths`: one for all inputs, (1,), or one for each input, (d,).
+    `lengths`: one for all features, (1,), or one for each feature, (d,). Only the last step of the
+    pipeline is returned: it and the lengths are for features as the pipeline scales them.
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -694,7 +695,7 @@ def _predict_left_out(
     learnt: Learnt,
     plan: Plan,
 ) -> Values:
-    """Predict the n training rows, each by a model that has not seen the row's part, (n,).
+    """Return predictions, (n,), of the training rows, each by a model that has not seen its part.
 
     `target` are the targets of the rows, (n,), on the scale that models are trained on. The
     predictions are over the target's scale, as from `Learnt.raw`; NaN for rows in no part of

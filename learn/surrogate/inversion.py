@@ -147,7 +147,7 @@ def at_arguments(points: Points, argument: str, arguments: Values) -> Points:
 
 
 def _inverse(deltas: Values, curve: Values, pressures: Values, *, first: bool) -> Values:
-    """Return the Deltas at which a rising curve of the pressure reaches `pressures`, (m,) [um].
+    """Return the Deltas, (m,) [um], at which a rising curve of the pressure reaches `pressures`.
 
     `curve` are the pressures of the curve [MPa] at `deltas` [um], (k,) each; `pressures` are (m,)
     [MPa]. Where the curve is level, the Delta is the first of this level if `first` is True,

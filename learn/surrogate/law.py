@@ -20,8 +20,8 @@ curves of each surface are inverted, and the band is that of the results.
 
 A surrogate that has learnt pressures has the law of each surface at these. A surrogate of a scene's
 own features has the law of a new surface of given parameters at the loads that it has learnt. Bands
-are the intervals at a learnt load. The table over the other load has the same contacts, without a
-band for one surface.
+are the intervals at a learnt load. The table over the load that was not learnt lists the same
+contacts; for one surface it has no band.
 """
 
 import math
@@ -73,8 +73,8 @@ PREDICTED_BAND = (
 """Note of a law of a population."""
 
 COARSE_GAP = (
-    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with"
-    " --target area,force,mean_gap"
+    "warning: the mean gap of bodies that yield is a coarse estimate: fit a surrogate"
+    " with --target area,force,mean_gap"
 )
 """Warning of a law of bodies that yield whose surrogate has not learnt the mean gap."""
 
@@ -518,9 +518,8 @@ def _predicted(
     for name, predictions in answer.values.items():
         is_finite = np.isfinite(predictions)
         if not is_finite.all():
-            load = loads[
-                np.argmin(is_finite)
-            ]  # the first load without a finite prediction
+            # The first load without a finite prediction.
+            load = loads[np.argmin(is_finite)]
             where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
                 f"{surface.patch.name}: the surrogate has no finite {name} at {where}:"
@@ -698,20 +697,22 @@ class SharedPressures:
 
 
 def _shared_pressures(over_delta: Curves, extended: Sequence[Points]) -> SharedPressures:
-    """Return the mean pressures at the Deltas of a table, up to the largest shared pressure.
+    """Return the pressures of the mean curve of a table over Delta, ascending [MPa].
 
-    This is the largest pressure that all surfaces reach; it is the last one if the mean pressures
-    exceed it. `extended` are the points of each surface. Raises InputError if the law has no force.
+    If they exceed the largest pressure that all surfaces reach, they are cut there, this pressure
+    is the last one, and a remark says so. `extended` are the points of each surface. Raises
+    InputError if the law has no force.
     """
-    mean = np.unique(_mean_pressures(over_delta))
+    mean_pressures = np.unique(_mean_pressures(over_delta))
     largest = _largest_shared_pressure(extended)
-    if mean[-1] <= largest:
-        return SharedPressures(pressures=mean, remarks=[])
+    if mean_pressures[-1] <= largest:
+        return SharedPressures(pressures=mean_pressures, remarks=[])
     remark = (
         f"the table against pressure ends at {largest:.4g} MPa: not all surfaces reach"
         " more"
     )
-    pressures = np.append(mean[mean < largest], largest)
+    below_largest = mean_pressures[mean_pressures < largest]
+    pressures = np.append(below_largest, largest)
     return SharedPressures(pressures=pressures, remarks=[remark])
 
 

@@ -43,13 +43,13 @@ class LoadedPatch:
     # surrogate predicts from the numbers of a scene.
     surface: SurfaceFeatures | None = None
     # Compliance of the patch under a flat punch that fills it [um / MPa]; set by `__post_init__`.
-    compliance: float = field(init=False)
+    patch_compliance: float = field(init=False)
 
     def __post_init__(self) -> None:
         """Set the compliance of the patch."""
-        compliance = self.patch.patch_compliance(self.bodies.e_star)
+        patch_compliance = self.patch.patch_compliance(self.bodies.e_star)
         # The class is frozen, so that an ordinary assignment would be refused.
-        object.__setattr__(self, "compliance", compliance)
+        object.__setattr__(self, "patch_compliance", patch_compliance)
 
 
 def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> Points:
@@ -101,7 +101,7 @@ class CoarseMeans:
 
     # (k,), mean gap if the bodies approached by Delta without deformation; may be negative [um]
     gap: Values
-    compliance: Values  # (k,), mean displacement over F / (E* L) [1]
+    relative_compliance: Values  # (k,), mean displacement over F / (E* L) [1]
     yielded_depth: Values  # (k,), mean depth by which nodes have yielded [um]
     length: float  # scan length L [um]
 
@@ -117,7 +117,7 @@ def _coarse_means(
     means = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
     return CoarseMeans(
         gap=height_of_peak - deltas,
-        compliance=np.array([mean.compliance for mean in means]),
+        relative_compliance=np.array([mean.compliance for mean in means]),
         yielded_depth=np.array([mean.yielded_depth for mean in means]),
         length=surface.length,
     )
@@ -132,8 +132,8 @@ def _quantities(
     """Return the quantities of a law at k loads, (k,) each, by their names in laws.
 
     `targets` are the predictions of a surrogate, or one end of their intervals, by target, (k,)
-    each. A mean gap that was not learnt follows from `means`; without them it is left out. `also`
-    are the names of further targets that become quantities.
+    each. A mean gap that was not learnt follows from `means`, which are given for Deltas only; if
+    they are None, it is left out. `also` are the names of further targets that become quantities.
     """
     if loaded.kind == "delta":
         quantities = _quantities_at_deltas(loaded, targets)
@@ -143,7 +143,8 @@ def _quantities(
         quantities[MEAN_GAP.in_laws] = targets[MEAN_GAP.name]
     elif means is not None:
         force = targets["force"] / loaded.bodies.e_star  # [um2]
-        displacement = means.compliance * force / means.length  # mean over the patch [um]
+        # mean over the patch [um]
+        displacement = means.relative_compliance * force / means.length
         gap = means.gap + displacement + means.yielded_depth
         quantities[MEAN_GAP.in_laws] = np.maximum(gap, 0.0)
     # A law has the stiffness of the interface per area. A learnt stiffness of unloading is that of
@@ -153,7 +154,7 @@ def _quantities(
         quantities[STIFFNESS.in_laws] = targets[STIFFNESS.name] / nominal
     elif UNLOADING.name in targets:
         of_contact = targets[UNLOADING.name] / nominal
-        quantities[STIFFNESS.in_laws] = of_interface(of_contact, loaded.compliance)
+        quantities[STIFFNESS.in_laws] = of_interface(of_contact, loaded.patch_compliance)
     for name in also:
         quantities[ALSO[name].in_laws] = targets[name]
     return quantities
@@ -168,7 +169,7 @@ def _quantities_at_deltas(
     """
     deltas = loaded.loads
     pressure = targets["force"] / loaded.patch.nominal
-    closure = deltas - loaded.compliance * pressure
+    closure = deltas - loaded.patch_compliance * pressure
     return {
         AREA.in_laws: targets["area"],
         PRESSURE.in_laws: pressure,
@@ -187,7 +188,7 @@ def _quantities_at_pressures(
     negative, and raised where it falls with the pressure. Delta is then computed anew from it.
     """
     pressure = loaded.loads
-    of_patch = loaded.compliance * pressure
+    of_patch = loaded.patch_compliance * pressure
     closure = np.maximum.accumulate(np.maximum(targets["delta"] - of_patch, 0.0))
     return {
         AREA.in_laws: targets["area"],

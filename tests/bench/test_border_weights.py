@@ -14,10 +14,10 @@ PUBLISHED = Path(border_weights.__file__).parent / "results/border-weights"
 
 @pytest.mark.parametrize("aspect", [1.0, 3.0, 1 / 3])
 def test_weighted_sums_of_a_sample_are_what_the_solver_takes_off_the_count(aspect):
-    samples = border_weights._samples(4, aspect, np.random.default_rng(2))
+    samples = border_weights._samples(4, aspect, 1.0, np.random.default_rng(2))
     for sample in samples:
         assert abs(sample.error_percent(WEIGHTS.ravel())) < 10
-        assert sample.edges == int(sample.edges) > 0
+        assert sample.edges > 0
 
 
 def test_sums_times_weights_give_the_area_of_the_contact():
@@ -38,7 +38,7 @@ def test_areas_of_waves_do_not_depend_on_their_angle(crossed):
 
 
 def test_weights_are_fitted_for_each_term_and_number_of_aligned_edges():
-    report = border_weights.border_weights(waves=24, aspect=1.0)
+    report = border_weights.border_weights(waves=24, aspect=1.0, length=1.0)
     weights = report.tables["border-weights"]
     assert [row["product"] for row in weights] == list(WEIGHTS.ravel())
     assert [row["aligned_edges"] for row in weights] == 4 * [0] + 4 * [1] + 4 * [2]

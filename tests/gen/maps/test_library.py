@@ -19,8 +19,8 @@ from gen.maps.library import (
     Tiling,
     Window,
     cut_window,
-    digests,
     draw_window,
+    hashes_of_maps,
     map_files,
     open_maps,
     prepared_maps,
@@ -57,7 +57,7 @@ CLEANED = Recipe((9, 9), None, CLEAN)
 
 
 def made(paths, home, wanted=CLEANED):
-    return prepared_maps(paths, digests(paths), wanted, home)
+    return prepared_maps(paths, hashes_of_maps(paths), wanted, home)
 
 
 def test_maps_are_prepared_once(paths, home, monkeypatch):
@@ -68,7 +68,7 @@ def test_maps_are_prepared_once(paths, home, monkeypatch):
     )
     for again in (
         made(paths, home),
-        open_maps(digests(paths), CLEANED, home, verify=False),
+        open_maps(hashes_of_maps(paths), CLEANED, home, verify=False),
     ):
         for one, other in zip(first.maps, again.maps, strict=True):
             assert np.array_equal(one.heights, other.heights)
@@ -86,7 +86,7 @@ def test_a_damaged_file_is_made_anew(paths, home, place):
     assert np.array_equal(made(paths, home).maps[0].heights, whole)
     assert file.read_bytes() != bytes(content)
     file.write_bytes(content[: len(content) // 2])
-    assert open_maps(digests(paths), CLEANED, home, verify=False) is None
+    assert open_maps(hashes_of_maps(paths), CLEANED, home, verify=False) is None
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
@@ -195,12 +195,12 @@ def test_names_without_a_file_are_refused_in_one_line(folder, pattern):
 
 def test_content_names_a_map_and_no_two_are_alike(folder):
     paths = map_files(["scans"], folder)
-    assert digests(paths) == [
+    assert hashes_of_maps(paths) == [
         hashlib.sha256(path.name.encode()).hexdigest() for path in paths
     ]
     (folder / "scans" / "z.x3p").write_text("a.x3p")
     with pytest.raises(InputError, match=r"z\.x3p and .*a\.x3p are the same map"):
-        digests(map_files(["scans"], folder))
+        hashes_of_maps(map_files(["scans"], folder))
 
 
 windows = st.tuples(st.integers(2, 12), st.integers(2, 12))

@@ -30,7 +30,7 @@ def thrice(tmp_path_factory):
 def test_surfaces_are_drawn_not_rows(thrice):
     found = tables.read(Folder(thrice / "area"))
     rows = len(table(thrice / "area/baseline/decision-tree.csv"))
-    assert found.rows[0].intervals.drawn == f"{rows // 3} surfaces"
+    assert found.rows[0].intervals.resampled == f"{rows // 3} surfaces"
     groups = [row["group"] for row in table(thrice / "area/rows.csv")]
     assert {groups.count(each) for each in groups} == {3}
 

@@ -156,13 +156,30 @@ def test_the_rows_that_are_advised_are_those_of_the_curve(
     nmae, error, mark, exponent, rows
 ):
     """nMAE 4 % at 240 rows, halved by four times the rows; or it falls too little."""
-    number, judged = (
-        size_with(240, 1),
-        SimpleNamespace(accuracy=Accuracy(nmae, error, 48)),
+    assert advised(240, 20_000, Accuracy(nmae, error, 48), mark, exponent) == rows
+
+
+def advised(rows, row_limit, present, mark, exponent):
+    """Advice of a look at `rows` rows with the accuracy `present`, by a curve of an exponent."""
+    judged = {"area": SimpleNamespace(accuracy=present)}
+    last = Look(
+        rows=rows,
+        number=size_with(rows, 1),
+        row_limit=row_limit,
+        mark=mark,
+        surrogate=None,
+        judged=judged,
+        parts=None,
     )
-    found = Look(240, number, mark, None, {"area": judged}, None)
-    at = np.array([120.0, 240.0])
-    curve = Curve(at, nmae * (at / 240) ** -exponent)
+    at = np.array([rows / 2, rows])
+    curve = Curve(at, present.nmae * (at / rows) ** -exponent)
     origins = [SimpleNamespace(scene=SimpleNamespace(samples_per_surface=1))]
-    sets = SimpleNamespace(by_tile=False, origins=origins)
-    assert advise(found, curve, 20_000, sets) == rows
+    return advise(last, curve, SimpleNamespace(by_tile=False, origins=origins))
+
+
+def test_the_advice_after_a_look_between_two_sizes_begins_with_the_next_size():
+    """Sizes are 60, 85, 120, ... rows. The row limit is the last one."""
+    present = Accuracy(nmae=4.0, standard_error=0.0, groups=20)
+    assert advised(100, 20_000, present, mark=3.7, exponent=0.5) == 120
+    assert advised(100, 120, present, mark=3.7, exponent=0.5) == 120
+    assert advised(100, 110, present, mark=3.9, exponent=0.5) == 110

@@ -165,7 +165,29 @@ def test_a_mark_out_of_reach_ends_a_growth_after_few_rows(hopeless):
 def test_a_mark_out_of_reach_has_no_number_of_rows(hopeless):
     _, grown, lines = hopeless
     assert math.isinf(grown.last.advised_rows)
-    assert "does not come to it" in lines[-1]
+    assert lines[-1].endswith(
+        "the learning curve does not reach the mark within 2,000 rows"
+    )
+
+
+def test_a_growth_to_its_row_limit_does_not_promise_to_go_on(tmp_path, capsys):
+    """The fourth look, which has a curve, is at the last allowed row: 60, 85, 120, 150."""
+    wanted = order(tmp_path, mark=12.0, most=150)
+    growth = Growth(*wanted, SCENE, Executor(), lambda _: None)
+    ending, last = growth.grow()
+    assert (ending, last.rows) == ("rows", 150)
+    assert last.curve is not None
+    assert "learning curve" not in last.in_words()
+    rounds.show(growth, ending, last)
+    out = capsys.readouterr().out
+    assert "No more than 150 rows are allowed: ask for less, allow more --rows" in out
+    assert "goes on" not in out
+
+
+def test_a_budget_that_ends_before_the_look_at_the_last_rows_is_no_row_limit(tmp_path):
+    growth = Growth(*order(tmp_path, most=150), SCENE, Executor(), print, until=0.0)
+    last = SimpleNamespace(rows=120, met=False, advised_rows=None)
+    assert growth._ending(150, last) == "budget"
 
 
 def test_the_card_says_that_a_mark_was_not_met(hopeless):
