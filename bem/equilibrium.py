@@ -36,7 +36,8 @@ FEW_NODES = 250
 # (`python -m tests.ledger --doubled bem.equilibrium.NESTED`).
 NESTED = 500
 
-# `NESTED` under a load without edges [nodes], where the first steps come nearer to the solution.
+# `NESTED` under a load without edges [nodes]: a start on the grid itself is nearer to the solution
+# there than on a free patch. This number matters in rare cases.
 NESTED_EDGELESS = 700
 
 # `NESTED` where few nodes come into contact [nodes]: a coarser grid then saves work on larger grids

@@ -245,10 +245,12 @@ class Patch:
         self._means.field.reshape(-1)[:] = sums
 
     def _flattened(self, field: Real) -> tuple[Real, Any]:
-        """Return a view of an array, and the index that picks the listed nodes from it.
+        """Return a view of a field, and the index that picks the listed nodes from this view.
 
-        `field` has the rows and columns of the grid first, and may have more. The view is flat
-        unless the array's memory has gaps: flat indices take a quarter of the time.
+        The view is flat, because flat indices take a quarter of the time of rows and columns. Only
+        where the field is part of a wider array, it is the field itself.
+
+        `field` has the grid's rows and columns, and may have further ones behind them.
         """
         assert self._listed is not None
         if not field.flags.c_contiguous:
