@@ -102,8 +102,7 @@ LARGEST_SCALE = 2.0
 CAPPINGS = 4
 
 # Number of open nodes, with the smallest gaps, that are factorised together with a contact set,
-# over the number of nodes of this set [1]. Solves take up to 14 % more iterations if it is doubled
-# (`python -m tests.ledger --doubled bem.active_set.SPARE`).
+# over the number of nodes of this set [1]. This number matters little.
 SPARE = 0.04
 
 # Largest number of exact residuals that dense algebra computes before rounds take over. This number

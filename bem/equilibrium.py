@@ -72,7 +72,7 @@ NESTED_BELOW = 0.9999
 # worth factorising, on free patches from a first guess [1]. This number matters little.
 ENOUGH_FREE = 0.5
 
-# `ENOUGH_FREE` for all other starts, where a step gains less [1]. Ladders take up to 7 % more
+# `ENOUGH_FREE` for all other starts, where a step gains less [1]. Ladders take up to 11 % more
 # iterations if it is doubled (`python -m tests.ledger --doubled bem.equilibrium.ENOUGH`).
 ENOUGH = 0.6
 
