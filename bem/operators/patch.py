@@ -70,7 +70,7 @@ FEW_EDGELESS = ((0.105, 5 / 6), (9.0, 0.4))
 # Largest share of the grid's nodes in a contact set whose values are stored as a list; values on
 # larger sets are stored as whole fields [1]. Reading listed nodes takes about as long as three
 # passes over as many values of whole fields.
-LISTED = 0.25
+LISTED = 0.12
 
 # Rows of blocks that are extended at a time, so that they stay in the cache.
 BAND = 32
