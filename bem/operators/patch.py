@@ -68,8 +68,9 @@ FEW_FREE = ((27.0, 1 / 3),)
 FEW_EDGELESS = ((0.105, 5 / 6), (9.0, 0.4))
 
 # Largest share of the grid's nodes in a contact set whose values are stored as a list; values on
-# larger sets are stored as whole fields [1]. Reading listed nodes takes about as long as three
-# passes over as many values of whole fields.
+# larger sets are stored as whole fields [1]. With 0.25, solves take up to 5 % less time, but one
+# nearly full contact that yields does not converge
+# (`pytest tests/bem/test_edgeless.py -k long_cells_that_yield_near_full`).
 LISTED = 0.12
 
 # Rows of blocks that are extended at a time, so that they stay in the cache.
