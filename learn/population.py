@@ -716,7 +716,7 @@ def _error_factor(equations: Equations, first_half: NDArray[np.bool_]) -> float:
 
     `first_half`, (n,), is True for the rows of one half of the surfaces. The errors of the mean of
     each half are measured at the rows of the other half. The factor is the most probable one that
-    is at least `SMALLEST_FACTOR`; it is below 1 if the stated errors are too large.
+    is at least `SMALLEST_FACTOR`.
     """
     halves = [_direction_scores(equations, half) for half in (first_half, ~first_half)]
     shares = np.concatenate([half.shares for half in halves])

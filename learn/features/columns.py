@@ -27,11 +27,12 @@ PURE = tuple(
     name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS}
 )
 
-# Root of Delta over h, which surrogates without units see in addition.
+# Square root of Delta / h, a further feature of surrogates without units.
 ROOT = "sqrt(delta/h)"
-# Hardness over E*, the hardness as a feature of sets with units.
+# Hardness / E*: the form of the hardness that is a feature of sets with units.
 HARDNESS = "hardness/E*"
-# Logarithm of the hardness over E* h / L, the hardness as a feature of sets without units.
+# Logarithm of hardness L / (E* h): the form of the hardness that is a feature of sets without
+# units.
 SCALED_HARDNESS = "log(hardness.L/(E*.h))"
 # Square root of the share of the patch that would carry the force of the coarse solve if the
 # pressure were the hardness everywhere. No contact of bodies that yield has a smaller area. The
@@ -49,8 +50,8 @@ BLOCK_COUNTS = (BLOCKS, 65)
 
 # Force of the coarse solve, made free of units.
 FORCE = "coarse_force/(E*.L.delta)"
-# Share of the nodes that are above the displacement of the coarse solve, and the mean height by
-# which they are above it (0 for all other nodes).
+# Share of the nodes that are above the displacement of the coarse solve; and the mean over all
+# nodes of their height above it, with 0 for nodes that are not above it.
 REFINED = ("refined_share", "refined_interference/delta")
 # Columns of the coarse solve that the hybrid set has; all are free of units.
 COARSE = (
@@ -65,8 +66,8 @@ COARSE = (
 # Multiples of the coarse pressures for which the area inside the blocks is computed by Persson's
 # theory. Real contacts differ from his theory; models interpolate between these multiples.
 FACTORS = (0.5, 1.0, 2.0)
-# Shifts of the displacement above which nodes are counted, over the rms s of the heights that the
-# blocks do not resolve.
+# The displacement of the coarse solve is shifted upwards by these multiples of s, the rms of the
+# heights that the blocks do not resolve. A feature is the share of the nodes above it.
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
 # Powers p of the norms (mean of interference^p)^(1/p) of the nodes above the displacement.
 POWERS = (2, 3)
@@ -87,8 +88,8 @@ LOCAL = (
 )
 # All 18 columns of a coarse solve, in the order of `SurfaceFeatures.hybrid`.
 HYBRID = (*COARSE, *LOCAL)
-# Columns of `COARSE` whose square roots surrogates see, too. Like the area they are 0 at first
-# touch and span decades; the roots tell small values apart.
+# Columns of `COARSE` whose square roots surrogates see, too. Like the area, these columns are 0 at
+# first touch and span decades; the roots tell small values apart.
 ROOTED = ("bearing_share", "coarse_area_percent", FORCE, *REFINED)
 
 # Columns of the dimensionless set, with Delta first.

@@ -119,7 +119,8 @@ class Rows:
         displace a node downwards, too. Its own pressure is therefore at most its interference over
         its own influence coefficient: p <= E* Delta / (1.12 spacing) in square cells, which is
         below the ceiling. Bodies of a hardness above the ceiling stay elastic. Limited to it, their
-        hardness makes no difference to the features, as it makes none to the contact.
+        hardness makes no difference to the features, as it makes none to the contact. Raises
+        InputError if the nodes are unknown.
         """
         ceiling = self.delta * self.nodes_per_side / self.length
         ratios = np.minimum(self.hardness_ratios, ceiling)
@@ -156,13 +157,13 @@ def joined(parts: Sequence[Rows]) -> Rows:
     Parameters
     ----------
     parts : sequence of Rows
-        Rows of each surface, one part or more, for one feature set. All parts have numbers of the
-        scene of equal names.
+        Rows of each surface, one part or more, for one feature set. The names in `scene_numbers`
+        are equal in all parts.
 
     Returns
     -------
     Rows
-        All rows. A hardness, a number of nodes or a grid that one part lacks is left out for all.
+        All rows. Hardness, nodes and grids are each left out for all rows if one part lacks them.
     """
     if len(parts) == 1:
         return parts[0]

@@ -43,13 +43,13 @@ Cells = list[dict[str, str]]
 
 @dataclass(frozen=True, eq=False)
 class SurfaceQuestion:
-    """What a surrogate is asked about every surface."""
+    """Loads, bodies and level of the predictions for every surface, and how maps are read."""
 
     # (k,), Deltas [um], or pressures [MPa] if the surrogate has learnt pressures
     loads: Values
     bodies: Bodies  # E* and hardness of the contacts [MPa]
     level: float  # coverage of the intervals, between 0 and 1
-    # how maps are read; its scan lengths hold for tables of statistics, too
+    # how maps are read; the scan lengths of its `side` hold for tables of statistics, too
     reading: Reading
 
 
@@ -108,7 +108,10 @@ def answers(surrogate: Surrogate, path: Path, question: SurfaceQuestion) -> Iter
 
 @contextmanager
 def _errors_about(file: Path) -> Iterator[None]:
-    """Raise errors of the block as InputErrors whose messages begin with the file or an option."""
+    """Turn each OSError or InputError of a `with` block into an InputError about a file.
+
+    Its message begins with the file, or with an option if the original message does.
+    """
     try:
         yield
     except OSError as error:
@@ -123,7 +126,7 @@ def _errors_about(file: Path) -> Iterator[None]:
 def _is_table_of_statistics(file: Path) -> bool:
     """Return whether a file is a table of text whose first line names a statistic.
 
-    The suffix has to be one of `TABLE_SUFFIXES`; names have commas between them.
+    The suffix has to be one of `TABLE_SUFFIXES`; the names are separated by commas.
     """
     if file.suffix.lower() not in TABLE_SUFFIXES:
         return False
@@ -136,7 +139,10 @@ def _is_table_of_statistics(file: Path) -> bool:
 def _answer_for_table(
     surrogate: Surrogate, file: Path, question: SurfaceQuestion
 ) -> FileAnswer:
-    """Predict the rows of a table of statistics at all loads."""
+    """Predict the rows of a table of statistics at all loads.
+
+    Raises InputError if the table cannot be used.
+    """
     rows = _rows_of_statistics(surrogate, file, question)
     prediction = surrogate.predict_rows(
         rows, e_star=question.bodies.e_star, level=question.level
@@ -149,8 +155,9 @@ def _answer_for_map(
 ) -> FileAnswer:
     """Read and prepare a map, print its preparation on standard error, and predict all loads.
 
-    A map without statistics raises `Undefined` if it is the only file of the question. Otherwise
-    the reason is printed too, and all predictions are NaN.
+    If a statistic of the map is undefined, `Undefined` is raised for an only file. If there are
+    other files, the reason is printed too, and all predictions are NaN. Raises InputError if the
+    map cannot be read, has another boundary than the surrogate, or a coarse solve fails.
     """
     bodies = question.bodies
     topography, warnings = read_surface(file, question.reading, surrogate.boundary)
@@ -250,7 +257,8 @@ def answers_of_parameters(
         for row in _rows_of_prediction(surrogate, prediction):
             yield {"input": "", **row}
     numbers_of_tables = [_read_numbers(path, surrogate, fixed) for path in tables]
-    # All rows have the further columns of all tables; a table without one of them has "" there.
+    # All rows have the further columns of all tables; a table without one of them has "" there. The
+    # first row of a table has all its columns.
     no_cells = {
         name: ""
         for table in numbers_of_tables
@@ -294,6 +302,7 @@ class NumbersTable:
             The numbers of the table and of the options by name.
         """
         size = repeats * len(self.further_cells)
+        # `resize` repeats all values of an option as often as there are rows in the table.
         combined = {name: np.resize(values, size) for name, values in fixed.items()}
         for name, column in self.columns.items():
             combined[name] = np.repeat(column, repeats)
@@ -400,17 +409,19 @@ def _title(name: str, unit: str) -> str:
 def _rows_of_statistics(
     surrogate: Surrogate, path: Path, question: SurfaceQuestion
 ) -> Rows:
-    """Read a table of statistics, and return each of its rows at each load.
+    """Read a table of statistics, and return each of its rows at each of k loads.
 
     `gen describe --csv` writes the table. Its header names the 22 statistics. Sides, nodes and
     boundary are optional, and further columns are ignored. Rows with the mean and deviation of
-    several maps are ignored, unless the table has only these. A row with undefined statistics has a
-    note. Raises InputError for a table that cannot be used, and if all rows lack statistics.
+    several maps are ignored, unless the table has only these. Each row of the table becomes k rows,
+    one for each load; if its statistics are undefined, these have a note. Raises InputError for a
+    table that cannot be used, and if all rows lack statistics.
     """
     cells = _read_cells(
         path, STATISTICS, f"{command_to_type('gen describe --csv')} writes all 22"
     )
-    # A table of several maps ends with their mean and deviation. One without maps is used whole.
+    # A table of several maps ends with their mean and deviation. If it has no rows of maps, all its
+    # rows are used.
     cells = [row for row in cells if row.get("row", OF_MAP) == OF_MAP] or cells
     _require_boundary(path, cells, surrogate)
     statistics = _finite_columns(path, cells, STATISTICS)
@@ -446,6 +457,7 @@ def _require_boundary(path: Path, cells: Cells, surrogate: Surrogate) -> None:
     """
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
         if boundary != surrogate.boundary:
+            # A cell may be long: the message quotes its first 20 letters.
             raise InputError(
                 f"{path}: has a {boundary:.20} boundary, the surrogate was trained on"
                 f" patches with a {surrogate.boundary} one: fit one to a database whose"
@@ -456,8 +468,9 @@ def _require_boundary(path: Path, cells: Cells, surrogate: Surrogate) -> None:
 def _sides_of_rows(path: Path, cells: Cells, side: str, surrogate: Surrogate) -> Values:
     """Return the scan lengths along x and y of the n rows of a table, (n, 2) [um].
 
-    `side` is the value of the option --side, or ""; it has to agree with the table. Lengths that
-    neither of them gives are NaN. Raises InputError if features without units need them.
+    `side` is the value of the option --side, or ""; it has to agree with the table to 0.1 %.
+    Lengths that neither of them gives are NaN. Raises InputError if features without units need
+    them.
     """
     sides = _finite_columns(path, cells, ("side_x_um", "side_y_um"))
     if side:
@@ -490,8 +503,8 @@ def _grids_of_rows(surrogate: Surrogate, sides: Values, nodes: Values) -> list[G
 def _read_cells(path: Path, required: Sequence[str], advice: str) -> Cells:
     """Read the rows of a CSV table with a header, one row or more.
 
-    Raises InputError if the table cannot be read, has no rows, or lacks one of the `required`
-    columns; `advice` then ends the message.
+    Raises InputError if the table cannot be read, has no rows, has a row with more cells than the
+    header, or lacks one of the `required` columns. In the last case `advice` ends the message.
     """
     try:
         with require_file(path).open(encoding="utf-8-sig", newline="") as file:
@@ -509,6 +522,14 @@ def _read_cells(path: Path, required: Sequence[str], advice: str) -> Cells:
         raise InputError(f"{path}: has no column {listed}; {advice}")
     if not rows:
         raise InputError(f"{path}: has a header and no rows")
+    for number, row in enumerate(rows, start=1):
+        # `DictReader` keeps the cells beyond the header as a list, by the name None.
+        cells_beyond = row.pop(None, [])
+        if any(text.strip() for text in cells_beyond):
+            raise InputError(
+                f"{path}, row {number}: has more cells than the header: are there commas in"
+                " numbers or in texts without quotes?"
+            )
     return rows
 
 

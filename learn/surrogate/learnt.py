@@ -4,7 +4,7 @@ A file has these parts, in this order:
 
     asperity surrogate
     format 10
-    sha256 of all that follows, in hexadecimal digits
+    sha256 of the parts below, in hexadecimal digits
     length of the next part, 8 bytes, little endian
     JSON with the card and the training ranges of the features
     zip archive of skops with the models: pipelines of scikit-learn, arrays and numbers
@@ -73,12 +73,14 @@ UNSEEN = SKEWNESS
 FORMAT = 10
 # Format of 1.0.0, which can be read. It does not state the powers that targets scale with.
 WITHOUT_POWERS = 9
-# Formats of 1.0.0rc1 and before, which are refused: their intervals have less than their level.
+# Formats of 1.0.0rc1 and before, which are refused: their intervals contain fewer new surfaces than
+# their level states.
 OLDER = range(3, 9)
 # First lines of a file, with the number of the format and the checksum.
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 
-# Entry of a target in a card: its folder in the comparison that the settings come from, if they do.
+# Name of an entry that a target has in a card if a comparison chose its settings: the target's
+# folder in this comparison.
 COMPARISON = "comparison"
 # Cards of 1.0.0 and before have the folder in the entry "settings_from" only, after these words.
 WORDS_BEFORE_FOLDER = ("tuned in ", "the baseline, by ")
@@ -545,8 +547,8 @@ class SurrogateFile:
 def _contents_of(file: SurrogateFile) -> Contents:
     """Unpack the models of a file.
 
-    If another version of scikit-learn made the models, they predict one row as a trial. Any error
-    of a library is passed on.
+    If another version of scikit-learn made the models, they predict one row as a trial. Errors of
+    libraries, of any type, pass through.
     """
     import sklearn
 
@@ -639,12 +641,12 @@ def read_file(path: Path) -> SurrogateFile:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     head = HEAD.match(content)
     if head is None:
-        is_database = ""
+        remark_on_kind = ""
         if kind_of(path) == "database":
-            is_database = "; it is a database"
+            remark_on_kind = "; it is a database"
         raise InputError(
-            f"{path}: is no surrogate{is_database}: {command_to_type('learn fit')} makes one of a"
-            " database"
+            f"{path}: is no surrogate{remark_on_kind}: {command_to_type('learn fit')} makes one"
+            " of a database"
         )
     number = int(head[1])
     other_format = f"{path}: has format {number}, this version reads {FORMAT}: "
@@ -661,7 +663,7 @@ def read_file(path: Path) -> SurrogateFile:
         file = _split(body)
         if number in OLDER:
             remedy = _how_to_fit_anew(path, file.card)
-    # The checksum is right, so that the file was written with other contents.
+    # The checksum is right: the file is not damaged, but was written with contents of another form.
     except (ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
         fault = printable(f"{type(error).__name__}: {error}"[:LONGEST_FAULT])
         raise InputError(
@@ -673,7 +675,11 @@ def read_file(path: Path) -> SurrogateFile:
 
 
 def _split(body: memoryview) -> SurrogateFile:
-    """Split the body of a file, which follows its first lines, into its parts."""
+    """Split the body of a file, which follows its first lines, into its parts.
+
+    Raises ValueError, TypeError or KeyError if the body is not as the module describes it.
+    RecursionError or MemoryError may pass through.
+    """
     # The first 8 bytes are the length of the JSON, which follows them.
     end = 8 + int.from_bytes(body[:8], "little")
     content = json.loads(bytes(body[8:end]))

@@ -37,21 +37,21 @@ class Prediction:
     Attributes
     ----------
     delta : ndarray, shape (n,)
-        Far-field displacement [um]; NaN if the load is another one, which is then in `given`.
+        Far-field displacement [um]; NaN if the load is another quantity, which is then in `given`.
     values : dict of str to ndarray, shape (n,)
         Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...; NaN where the
         surrogate has no finite prediction.
     low, high : dict of str to ndarray, shape (n,)
         Lower and upper ends of the intervals by target, in the units of `values`; empty if the
-        question had no level. They hold for rows inside the training only; tables leave them out
-        for other rows.
+        question had no level. They hold for rows inside the training only; the tables of
+        `learn predict` have no ends for other rows.
     reasons : tuple of str
         For each row, what is outside the training, or which targets have no finite prediction; ""
         if the row is inside.
     given : dict of str to ndarray, shape (n,)
-        Of a surrogate by pressure, the "pressure" of each row [MPa]. Of a surrogate of a scene's
-        own features, the parameters and the load by their names, in the scene's units. Otherwise
-        empty.
+        For a surrogate of surfaces by pressure: the "pressure" of each row [MPa]. For a surrogate
+        of a scene's own features: the parameters and the load by their names, in the scene's units.
+        For other surrogates the dictionary is empty.
     """
 
     delta: Values
@@ -73,7 +73,7 @@ class Prediction:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """True for rows without a reason, which are inside the training, shape (n,)."""
+        """True for rows that have no reason, shape (n,): they are inside the training."""
         return np.array([not reason for reason in self.reasons], dtype=np.bool_)
 
 
@@ -243,8 +243,8 @@ class Surrogate:
         ------
         InputError
             If heights, lengths, loads, `e_star`, `hardness`, `level` or parameters are impossible;
-            if a surface, hardness, parameter or load is missing, unknown or of the other kind of
-            surrogate; if a statistic of the surface is undefined, a feature is too large, or a
+            if a surface, hardness, parameter or load is missing, unknown, or for the other kind of
+            surrogate only; if a statistic of the surface is undefined, a feature is too large, or a
             coarse solve fails; or if the model has no intervals of the mean.
         """
         if self.features.of_scene:
@@ -570,7 +570,7 @@ class Surrogate:
         scale = self.features.scale(powers, rows, self.modulus)
         if e_star is None or powers is None or not powers.modulus:
             return scale
-        # `scale` is that at the E* of the training, which is 1 for features with units.
+        # `scale` is for the E* of the training. For features with units it is 1 at this E*.
         return scale * (e_star / self.modulus) ** powers.modulus
 
     def _reasons(
@@ -580,7 +580,7 @@ class Surrogate:
         values: Mapping[str, Values],
         e_star: float | None,
     ) -> tuple[str, ...]:
-        """Return one text for each of n rows, of notes with "; " between them; "" without notes.
+        """Return the reason of each of n rows: its notes, joined by "; ", or "" without notes.
 
         The notes are on targets without a finite prediction, then on the differences from the
         training, then on the scale of targets without known powers. `inputs` are the features,
@@ -593,7 +593,7 @@ class Surrogate:
         ]
         notes_on_training = self.training.reasons(rows, inputs)
         notes_on_scale = scale_notes(self.training, targets_of_one_scale, rows, e_star)
-        # A later target has its note before those of earlier ones.
+        # The notes on several targets are in reverse order of the targets.
         notes_on_targets: list[list[str]] = [[] for _ in notes_on_training]
         # A row with an undefined feature has a note on that already.
         is_defined = ~np.isnan(inputs).any(axis=1)
@@ -630,6 +630,7 @@ class _Answer:
         """Return lower and upper ends of intervals for the mean over surfaces, each (n,).
 
         They are in the unit of the target. `level` is the coverage, `inputs` the features, (n, d).
+        Raises InputError if the model is not the mean of a population.
         """
         low, high = self.learnt.mean_ends(self.centre, level, inputs)
         return self._restored(low), self._restored(high)
@@ -656,10 +657,10 @@ def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
 
 
 def _require_numbers(rows: Rows, inputs: Values) -> None:
-    """Raise InputError if a Delta is not above 0, or a feature is undefined or above `LARGEST`.
+    """Raise InputError if a Delta is not above 0, or a feature is undefined or beyond `LARGEST`.
 
-    `inputs` are the features of n rows, (n, d). Features are not checked in rows with a NaN among
-    the statistics, whose predictions are NaN.
+    `inputs` are the features of n rows, (n, d); `LARGEST` limits their magnitudes. Features are not
+    checked in rows with a NaN among the statistics: predictions of these rows are NaN.
     """
     is_defined = ~np.isnan(rows.statistics).any(axis=1)
     in_range = (np.abs(inputs) <= LARGEST).all(axis=1)  # False for NaN, too

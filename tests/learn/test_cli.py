@@ -28,6 +28,10 @@ WRONG = [
     ),
     (["predict", "paper.surrogate", "short.csv", "--delta", "5"], "has no column"),
     (
+        ["predict", "paper.surrogate", "long.csv", "--delta", "5"],
+        "row 1: has more cells than the header",
+    ),
+    (
         ["predict", "paper.surrogate", "table.csv", "--delta", "5", "--interval", "2"],
         "--interval",
     ),
@@ -56,6 +60,7 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     first = values.partition(",")[0]
     (work / "broken.csv").write_text(f"{header}\n{values.replace(first, 'x', 1)}\n")
     (work / "short.csv").write_text("peak_mean,peak_rms\n1,2\n")
+    (work / "long.csv").write_text(f"{header}\n{values},7\n")
     before = sorted(work.iterdir())
     assert cli.main(arguments) == 2
     said = capsys.readouterr().err.splitlines()
