@@ -270,6 +270,8 @@ def press(
     ------
     ArithmeticError
         If `solve` finds no solution.
+    numpy.linalg.LinAlgError
+        If the matrix of some nodes is not positive definite.
     """
     overlap = (heights - heights.max()) + delta
     interference = (overlap / delta).reshape(-1)
@@ -301,6 +303,11 @@ def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> f
     -------
     float
         Displacement Delta [um].
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the influence matrix is not positive definite.
     """
     factor = cho_factor(influence_matrix(heights.shape, kernel, aspect))
     at_first_touch = cho_solve(factor, (heights - heights.max()).reshape(-1))
@@ -344,6 +351,8 @@ def press_yielding(
     ------
     ArithmeticError
         If `solve` finds no solution.
+    numpy.linalg.LinAlgError
+        If the matrix of some nodes is not positive definite.
     """
     interference = ((heights - heights.max()) + delta).reshape(-1)
     nodes = np.flatnonzero(interference > 0)  # nodes without overlap cannot touch
@@ -374,6 +383,11 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
     -------
     ndarray of int, shape (m,)
         -1 at nodes without pressure, 0 in elastic contact, 1 at yielded nodes.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not positive definite.
     """
     factor = cholesky(matrix, lower=True)
     target = solve_triangular(factor, interference, lower=True)

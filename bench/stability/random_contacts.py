@@ -294,7 +294,7 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     reference = expected(problem)
     pressure = reference.pressure
     gap = reference.gap
-    force = float(pressure.sum()) * problem.aspect
+    force = float(pressure.sum()) * problem.cell_area
     yield Finding(
         name="force off least squares",
         error=abs(contact.force / force - 1),

@@ -5,10 +5,9 @@ the spacing along x and y [um] and a random generator, from which it draws the p
 kind; it returns the heights [um].
 
 The surfaces of a seed depend on the order in which a function draws its numbers. In this file "the
-side" is the length of the patch, and x and y over the side run from 0 to 1. `stepped`,
-`patchy`, `brushed` and `holed` change a surface of the paper preset, whose heights are in um. Every
-other function scales its heights to a drawn rms height at its end; until then, the heights have no
-unit.
+side" is the length of the patch, and x and y over the side run from 0 to 1. `stepped`, `patchy`,
+`brushed` and `holed` change a surface of the paper preset, whose heights are in um. Every other
+function scales its heights to a drawn rms height at its end; until then, they have no unit.
 """
 
 from functools import partial
