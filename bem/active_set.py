@@ -56,10 +56,9 @@ ADVANCE = 0.5
 # (`python -m tests.ledger --halved bem.active_set.AIM`).
 AIM = 0.9
 
-# Share of the violation that a round aims at, at which its conjugate gradients end [1]. Solves take
-# up to 9 % more
-# iterations if it is halved, and up to three times the convolutions if it is doubled
-# (`python -m tests.ledger --doubled bem.active_set.REACHED`).
+# Residual at which the conjugate gradients of a round end, over the violation that the round aims
+# at [1]. Solves take up to 9 % more iterations if it is halved, and up to three times the
+# convolutions if it is doubled (`python -m tests.ledger --doubled bem.active_set.REACHED`).
 REACHED = 0.8
 
 # Number of steps of conjugate gradients without a smaller residual after which a stage ends: single
@@ -148,7 +147,7 @@ class Solved(NamedTuple):
 
     Attributes
     ----------
-    in_residual : ndarray, shape (nx, ny)
+    pressure_of_residual : ndarray, shape (nx, ny)
         Pressure to which the iterate's residual belongs [reduced]. After dense algebra it is the
         pressure before, because dense algebra does not update the residual. Otherwise it is the
         iterate's pressure.
@@ -158,7 +157,7 @@ class Solved(NamedTuple):
         Whether the equations were solved by dense algebra.
     """
 
-    in_residual: Field
+    pressure_of_residual: Field
     remaining: float
     dense: bool
 
@@ -182,7 +181,7 @@ class Goals(NamedTuple):
 class Constraint:
     """Condition on corrections of the pressure: keep the load, or be conjugate to the pressure.
 
-    Without load and stiffness, there is no condition. Arrays are values in contact, see
+    Without a load or an image, there is no condition. Arrays are values in contact, see
     `Patch.in_contact`.
 
     Attributes
@@ -192,18 +191,17 @@ class Constraint:
         this pressure is zero everywhere, 1 on each of these nodes.
     carried : float
         Sum of `base` if the load is given; 0 at a given displacement [reduced].
-    image : ndarray of float32
-        Displacement by `base` [unit of displacement]. It is used only if `stiffness` is above 0;
-        otherwise any array may be here.
+    image : ndarray of float32, or None
+        Displacement by `base` [unit of displacement]; None if the load is given, the displacement
+        is not known, or its inner product with `base` is not above 0.
     stiffness : float
-        Inner product of `base` and `image`; 0 if the load is given, or the displacement is not
-        known.
+        Inner product of `base` and `image`, above 0; 0 if `image` is None.
     """
 
     base: Real
     carried: float
-    image: Real
-    stiffness: float
+    image: Real | None = None
+    stiffness: float = 0.0
 
     @property
     def keeps_load(self) -> bool:
@@ -242,12 +240,12 @@ class Constraint:
         ndarray of float32
             `correction`. If the load is given, it now carries no load in all. At a given
             displacement it now removes the component of the residual along `base`, and is otherwise
-            conjugate to `base`. Where the displacement by `base` is not known, it is unchanged.
+            conjugate to `base`. If neither a load nor an image is known, it is unchanged.
         """
         if self.keeps_load:
             excess = correction.sum(dtype=np.float64) / self.carried
             correction -= np.float32(excess) * self.base
-        elif self.stiffness:
+        elif self.image is not None:
             along = inner(residual, self.base) - inner(correction, self.image)
             correction += np.float32(along / self.stiffness) * self.base
         return correction
@@ -600,10 +598,15 @@ class ActiveSet:
     def _take_sets(self, progress: Progress, floor: float) -> Mask | None:
         """Set the free nodes as the patch's contact set, and return the mask of the yielded nodes.
 
-        The mask is None for elastic bodies. Elastic bodies under a given load keep the set that the
-        last round has already taken, if it has. The free nodes of yielding bodies are then only
-        nodes of that set and nodes under pressure, so that sets do not flicker. Unless nodes have
-        yielded, the pressure is rescaled for a new set (`Iterate.rescale`).
+        The mask is None for elastic bodies. The last round may already have taken the next set
+        (`progress.next_set_taken`). Elastic bodies under a given load then keep this set. Of
+        yielding bodies, only nodes of this set and nodes under pressure are then free, so that sets
+        do not flicker. Unless nodes have yielded, the pressure is rescaled for a new set
+        (`Iterate.rescale`).
+
+        Yielded nodes with the widest gaps become free if the gap of a yielded node exceeds `floor`
+        [unit of displacement], and either this gap is the largest violation or little of the
+        contact was under tension (`LITTLE_TENSION`).
         """
         iterate = self.iterate
         patch = self._patch
@@ -634,10 +637,11 @@ class ActiveSet:
         """Solve loosely on the free nodes, and bring their pressure back between the bounds.
 
         Return whether a pressure was out of bounds. Then the patch's contact set already is the set
-        of the next round, else it is still the set of this one. The new residual is in single
-        precision. It is in double precision instead, if bodies are elastic and a pressure was out
-        of bounds, with `polishing` and also where the round is likely to be the last. With
-        `damped`, the step is shortened if it raises the energy.
+        of the next round, else it is still the set of this one.
+
+        The new residual is exact if bodies are elastic, a pressure was out of bounds, and either
+        `polishing` is set or the round is likely the last. Otherwise it is in single precision, and
+        with `damped` a step to a changed pressure is shortened if it raises the energy.
         """
         iterate = self.iterate
         before = None  # unless damped, nothing is kept, to save memory
@@ -661,7 +665,8 @@ class ActiveSet:
             return next_set_taken
         self._update_residual(solved, free_memory=not (damped or solved.dense))
         if before is not None and iterate.energy() > energy:
-            self._shorten(before, bounded if solved.dense else solved.in_residual)
+            target = bounded if solved.dense else solved.pressure_of_residual
+            self._shorten(before, target)
         if iterate.load is not None:
             iterate.balance(iterate.residual)
         return next_set_taken
@@ -678,23 +683,27 @@ class ActiveSet:
         iterate = self.iterate
         pressure_before = iterate.pressure
         if iterate.yields and self._solve_few_free():
-            return Solved(in_residual=pressure_before, remaining=math.inf, dense=True)
+            return Solved(
+                pressure_of_residual=pressure_before, remaining=math.inf, dense=True
+            )
         remaining = self._solve_free(yielded, goals)
         if iterate.soft and before is not None:
             self._hold_back(before)
-        return Solved(in_residual=iterate.pressure, remaining=remaining, dense=False)
+        return Solved(
+            pressure_of_residual=iterate.pressure, remaining=remaining, dense=False
+        )
 
     def _update_residual(self, solved: Solved, *, free_memory: bool) -> None:
-        """Update the residual from the pressure `solved.in_residual` to the present pressure.
+        """Update the residual from `solved.pressure_of_residual` to the present pressure.
 
-        This takes one convolution. With `free_memory`, `solved.in_residual` is overwritten to save
-        memory. Where the displacement barely fixes the load, the pressure is rescaled too.
+        This takes one convolution. With `free_memory`, `solved.pressure_of_residual` is overwritten
+        to save memory. Where the displacement barely fixes the load, the pressure is rescaled too.
         """
         iterate = self.iterate
         buffer = None
         if free_memory:
-            buffer = solved.in_residual
-        change = np.subtract(iterate.pressure, solved.in_residual, out=buffer)
+            buffer = solved.pressure_of_residual
+        change = np.subtract(iterate.pressure, solved.pressure_of_residual, out=buffer)
         iterate.residual -= self._patch.displace(change)
         if iterate.soft:
             iterate.rescale()
@@ -870,26 +879,25 @@ class ActiveSet:
 
         At a given displacement, rounding puts errors along the pressure back into the residual.
         Every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009). If
-        nodes have yielded there is no constraint, because the displacement by the free nodes alone
-        is not known.
+        nodes have yielded there is no condition, because the displacement by the free nodes alone
+        is not known. Neither is there one where the pressure does no work above 0.
         """
         iterate = self.iterate
         patch = self._patch
         base = patch.in_contact(iterate.pressure)
-        # Without a stiffness the image is not used, and `base` fills its place.
         if iterate.load is not None:
             if not base.any():
                 base = patch.in_contact(np.ones_like(iterate.residual))
             carried = float(base.sum(dtype=np.float64))
-            return Constraint(base=base, carried=carried, image=base, stiffness=0.0)
+            return Constraint(base=base, carried=carried)
         if yielded is not None and yielded.any():
-            return Constraint(base=base, carried=0.0, image=base, stiffness=0.0)
+            return Constraint(base=base, carried=0.0)
         # H p is u + s less the residual.
         image = patch.in_contact(iterate.below) - patch.in_contact(iterate.residual)
         patch.add_constant(image, np.float32(iterate.shift))
         stiffness = inner(base, image)
         if not stiffness > 0:
-            stiffness = 0.0
+            return Constraint(base=base, carried=0.0)
         return Constraint(base=base, carried=0.0, image=image, stiffness=stiffness)
 
     def _has_to_change(
@@ -903,16 +911,19 @@ class ActiveSet:
         """Return whether the sets have to change during a stage.
 
         They have to if a free node is under tension or beyond the hardness, if an open node
-        penetrates by more than `floor`, or if a yielded node opens by more than `floor` and than
-        `largest`.
+        penetrates by more than `floor`, or if a yielded node opens by more than both `floor` and
+        `largest`. Under a given load, they also have to if `mean` is below -`floor` or, where
+        bodies may yield, above both `floor` and `largest`.
 
-        `pressure` belongs to the free nodes; `largest` is the largest residual of these nodes. The
-        iterate's residual still contains `mean`, by which it exceeds the residual in balance. All
-        three are in the unit of displacement.
+        `pressure` is the pressure of the free nodes, in the form of `Patch.in_contact` [reduced].
+        `largest` is the largest absolute residual of the free nodes, and `mean` the amount by which
+        the iterate's residual exceeds the residual in balance. `floor`, `largest` and `mean` are in
+        the unit of displacement.
         """
         if pressure.min() < 0:
             return True
-        # Zero on the free nodes.
+        # It is zero on the free nodes, and these zeros take part in each maximum and minimum below.
+        # So a `mean` far enough from 0 answers True even if no node outside is in the wrong set.
         outside = self.iterate.residual * ~self._patch.contact
         if yielded is None:
             return bool(outside.max() > floor + mean)
@@ -996,12 +1007,13 @@ class ActiveSet:
         free = pressure
         if yielded.any():
             free = np.where(yielded, 0.0, pressure)
-        load = float(iterate.pressure.sum()) - hardness * np.count_nonzero(yielded)
+        load_of_yielded = hardness * np.count_nonzero(yielded)
+        load_of_free = float(iterate.pressure.sum()) - load_of_yielded
         factor = 1.0
         for _ in range(CAPPINGS):
             capped = free >= hardness / factor
             scaled_load = float((free * ~capped).sum())
-            missing = load - hardness * np.count_nonzero(capped)
+            missing = load_of_free - hardness * np.count_nonzero(capped)
             if not (scaled_load > 0 and missing > 0):
                 break
             last = factor
@@ -1043,14 +1055,17 @@ class ActiveSet:
         return projected
 
     def _split(self) -> bool:
-        """Solve a patch without edges by splitting; do nothing and return False on a free patch.
+        """Solve a patch without edges by splitting; do nothing on a free patch.
+
+        Return whether the patch has no edges, not whether the tolerance is met.
 
         Splitting is the alternating direction method of multipliers, which has no sets that could
         cycle. It minimises the energy in turn over all pressures, by one Fourier transform each
         way, and over the pressures between the bounds. It converges from any start because the
         energy is convex (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in
         Machine Learning 3, sections 3.2 and 3.4.3). It ends at the tolerance, or at a bound on the
-        passes. The iterate then holds the pressure of the last check, with its exact residual.
+        passes. The iterate then holds the pressure of the last check, with its exact residual; it
+        is unchanged if there was no check.
         """
         splitting = self._patch.splitting()
         if splitting is None:
@@ -1064,20 +1079,23 @@ class ActiveSet:
         for number in range(1, PASSES * iterate.max_iterations + 1):
             unbounded = filtered(inverse, interference + penalty * (within - price))
             if iterate.load is not None:
+                # A uniform pressure displaces nothing, so this is the minimum under the load.
                 missing = iterate.load / unbounded.size - unbounded.mean()
                 unbounded = unbounded + missing
             mixed = OVER * unbounded + (1 - OVER) * within
             within = np.clip(mixed + price, 0, iterate.limit)
             price = price + mixed - within
-            if number % CHECKED == 0 and within.any() and self._is_solved_by(within):
+            # Zero pressure is no solution, because the load or the displacement is above zero.
+            if number % CHECKED == 0 and within.any() and self._take_and_check(within):
                 break
         return True
 
-    def _is_solved_by(self, within: Field) -> bool:
+    def _take_and_check(self, within: Field) -> bool:
         """Give the iterate a pressure of splitting and its exact residual.
 
-        Return whether it meets the tolerance. The passes since the last call are counted as
-        convolutions.
+        The iterate holds a copy, and where bodies may yield pressures near a bound are set to it
+        (`CLOSE`). Return whether the tolerance is met. The passes since the last call are counted
+        as convolutions.
         """
         iterate = self.iterate
         self._patch.convolutions += CHECKED

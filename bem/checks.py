@@ -104,7 +104,8 @@ def real_number(name: str, value: Any, allowed: Range) -> float | int:
     name : str
         Name of the argument.
     value : float
-        What the caller passed: a number, or an array without dimensions.
+        What the caller passed: a number, or an array without dimensions if the range is not of
+        whole numbers.
     allowed : Range
         The range of the number.
 
@@ -119,6 +120,7 @@ def real_number(name: str, value: Any, allowed: Range) -> float | int:
         If the value is no real number, or not in the range. A text is no number, even if it
         consists of digits.
     """
+    # Numbers without a dtype are judged by float().
     kind = getattr(getattr(value, "dtype", None), "kind", "f")
     number = math.nan
     if kind in "fiu" and not isinstance(value, bool | str | bytes | bytearray):

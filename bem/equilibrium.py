@@ -53,10 +53,10 @@ FAINT_PRESSURE = 4e-3
 # (`python -m tests.ledger --doubled bem.equilibrium.FAINT_DELTA`).
 FAINT_DELTA = 0.6
 
-# Mean pressure, over E* times the rms slope, above which the pressure of full contact is nearer to
-# the solution of a patch without edges than the solution on a coarser grid is [1]. It was measured
-# on spectral and diamond-square surfaces of 512 and 1,024 nodes a side. This number matters in rare
-# cases.
+# Mean pressure, over E* times the rms slope, at or above which no coarser grid of a patch without
+# edges is solved for a start [1]: the pressure of full contact is then nearer to the solution. It
+# was measured on spectral and diamond-square surfaces of 512 and 1,024 nodes a side. This number
+# matters in rare cases.
 NESTED_FULL = 1.1
 
 # Largest Delta at which the coarser grid is solved, over the coarser grid's Delta of full contact
@@ -249,7 +249,7 @@ def _is_loaded(problem: Problem) -> bool:
 def _on_many_nodes(problem: Problem, near: Start | None, give: float) -> Equilibrium:
     """Solve by one active set, from a given start, one from a coarser grid, or a first guess.
 
-    `give` is how far the far field gives way under a unit load [reduced].
+    `give` is the compliance of the far field, 0 if it is rigid [first side of a cell / E*].
     """
     # Starts are made in the call, so that the callee alone holds them and can free their memory.
     if problem.delta is None:
@@ -309,7 +309,8 @@ def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
     """Solve by dense algebra where few nodes of a free patch may touch; None if more may.
 
     Nothing touches where the undeformed bodies do not overlap, because pressure displaces every
-    node downwards. `give` is how far the far field gives way under a unit load [reduced].
+    node downwards. `give` is the compliance of the far field, 0 if it is rigid
+    [first side of a cell / E*].
     """
     delta = problem.delta
     if delta is None:
@@ -345,8 +346,9 @@ def _solve_densely(
     """Solve by dense algebra on all nodes that may touch.
 
     `touching` is the box of these nodes. `length` is the unit of its heights, and the depth down to
-    which nodes may touch [um]. `give` is how far the far field gives way under a unit load
-    [reduced]. Return None if the load needs more nodes, or no solution meets the tolerance.
+    which nodes may touch [um]. `give` is the compliance of the far field, 0 if it is rigid
+    [first side of a cell / E*]. Return None if the load needs more nodes, or no solution meets the
+    tolerance.
     """
     hardness = problem.reduced_hardness(length)
     matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
@@ -400,9 +402,9 @@ def _dense_solution(
     """Solve densely for elastic bodies, and again for yielding ones if the hardness is exceeded.
 
     `nodes` are flat indices of the box, highest first. `interference` is flat, of the whole box
-    [length]; it contains the displacement if that is given. `length` is in um, `give` reduced. The
-    solution may not have settled. Return None if a matrix is not positive definite, or numbers
-    overflow.
+    [length]; it contains the displacement if that is given. `length` is in um, and `give`, the
+    compliance of the far field, in first sides of a cell over E*. The solution may not have
+    settled. Return None if a matrix is not positive definite, or numbers overflow.
     """
     load = None
     if problem.delta is None:
@@ -428,8 +430,8 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
     """Solve at a given displacement, from a start if there is one.
 
     Delta is the unit of displacement. Without a start, or with a poor one, begin from full contact
-    if Delta is near it, else from no pressure. `give` is how far a compliant far field gives way
-    under a unit load, 0 if it is rigid [reduced].
+    if Delta is near it, else from no pressure. `give` is the compliance of the far field, 0 if it
+    is rigid [first side of a cell / E*].
     """
     delta = problem.delta
     assert delta is not None
@@ -538,7 +540,8 @@ def _new(
     """Return an iterate without any pressure for the part `touching` of a problem.
 
     `length` is the unit of length [um]. If `load` is None, the displacement is given and is the
-    unit of length. `load` and `give` are reduced.
+    unit of length. `load` is reduced. `give` is the compliance of the far field, 0 if it is rigid
+    [first side of a cell / E*].
     """
     shape = touching.below.shape[0], touching.below.shape[1]
     patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect, give)
@@ -753,20 +756,23 @@ def _pressure_on_summits(
 
 
 def _relative_load(problem: Problem) -> float:
-    """Return a load's mean pressure over E* times the rms slope of some rows and columns [1].
+    """Return the mean pressure under the given force over E* h' [1].
 
-    It is infinite for surfaces without a slope.
+    h' is the rms slope on every row and column with a number divisible by `SAMPLED`. The result is
+    infinite for surfaces without a slope.
     """
-    unit = float(np.ptp(problem.heights))
-    if not unit > 0:
+    # Heights over their range, so that no square overflows.
+    height_range = float(np.ptp(problem.heights))
+    if not height_range > 0:
         return math.inf
-    along = np.diff(problem.heights[:, ::SAMPLED], axis=0) / unit
-    across = np.diff(problem.heights[::SAMPLED], axis=1) / unit
+    along = np.diff(problem.heights[:, ::SAMPLED], axis=0) / height_range
+    across = np.diff(problem.heights[::SAMPLED], axis=1) / height_range
+    # Slope and pressure over E* are both multiplied by the first side of a cell over this range.
     slope = math.sqrt(_mean_square(along) + _mean_square(across) / problem.aspect**2)
-    load = _reduced_load(problem) / problem.heights.size / unit
+    pressure = _reduced_load(problem) / problem.heights.size / height_range
     if not slope > 0:
         return math.inf
-    return load / slope
+    return pressure / slope
 
 
 def _mean_square(differences: Field) -> float:

@@ -19,9 +19,8 @@ from bem.operators.patch import Patch
 
 # Largest pressure that adding a preconditioned residual, or scaling to a load, gives to a node that
 # has not yielded, over the hardness [1]. Both overestimate pressures; conjugate gradients decide
-# which nodes yield. Solves
-# with a hardness take up to 14 % more iterations if it is halved or doubled
-# (`python -m tests.ledger --halved bem.iterate.BELOW_HARDNESS`).
+# which nodes yield. Solves with a hardness take up to 14 % more iterations if it is halved or
+# doubled (`python -m tests.ledger --halved bem.iterate.BELOW_HARDNESS`).
 BELOW_HARDNESS = 0.9999
 
 # Share of a first step's load on nodes at the hardness above which the step is damped instead of
@@ -34,8 +33,8 @@ MOSTLY_CAPPED = 0.9
 # iterations if it is doubled (`python -m tests.ledger --doubled bem.iterate.LEAST_SCALE`).
 LEAST_SCALE = 0.8
 
-# Share of the first step's load that exceeds the hardness, up to which bodies are taken for elastic
-# [1]. This number matters little.
+# Largest share of the first step's load above the hardness with which bodies are still taken for
+# elastic [1]. This number matters little.
 MOSTLY_ELASTIC = 0.02
 
 # Largest violation, over the displacement s, at which a pressure above the hardness is certain to
@@ -47,11 +46,10 @@ CERTAIN = 1e-2
 # (`python -m tests.ledger --halved bem.iterate.NEAR`).
 NEAR = 5e-3
 
-# Share of the violation before a step of `Iterate.approach`, below which the violation after it has
-# to be for another step [1]. Each step costs a convolution, and a stage of conjugate gradients
-# about twice as much. Solves under a load take up to 43 % more
-# iterations if it is halved, and up to 15 % more convolutions if it is doubled
-# (`python -m tests.ledger --halved bem.iterate.NEARER`).
+# Another step of `Iterate.approach` is taken only if a step leaves less than this share of the
+# violation [1]. Each step costs a convolution, and a stage of conjugate gradients about twice as
+# much. Solves under a load take up to 43 % more iterations if it is halved, and up to 15 % more
+# convolutions if it is doubled (`python -m tests.ledger --halved bem.iterate.NEARER`).
 NEARER = 0.8
 
 # Largest number of first steps. Solves take up to 56 % more iterations if it is halved, and up to
@@ -70,9 +68,9 @@ INTERPOLATED_STEPS = 3
 APPROACH_FREE = 0.55
 
 # `APPROACH_FREE` for a patch without edges, in the limit of a small contact [1]; larger contacts
-# interpolate between this and `APPROACH_FULL`. Solves under a load take up to
-# 8 % more iterations if it is halved, and up to 36 % more if it is doubled (`python -m tests.ledger
-# --halved bem.iterate.APPROACH_SMALL`).
+# interpolate between this and `APPROACH_FULL`. Solves under a load take up to 8 % more iterations
+# if it is halved, and up to 36 % more if it is doubled
+# (`python -m tests.ledger --halved bem.iterate.APPROACH_SMALL`).
 APPROACH_SMALL = 0.6
 
 # `APPROACH_FREE` for a patch without edges with a full contact [1]. Solves near full contact take
@@ -80,9 +78,9 @@ APPROACH_SMALL = 0.6
 # (`python -m tests.ledger --halved bem.iterate.APPROACH_FULL`).
 APPROACH_FULL = 0.8
 
-# Distance from the hardness, over the hardness, within which a pressure of a start or of splitting
-# is taken to be at the hardness [1]. Pressures of splitting this near zero are taken to be zero.
-# This number matters in rare cases.
+# Distance from the hardness, over the hardness, within which a start lets bodies yield, and a
+# pressure of splitting is set to the hardness [1]. A pressure of splitting that is this near to
+# zero is set to zero. This number matters in rare cases.
 CLOSE = 1e-9
 
 # Share of a load, or of the hardness, below which a difference from it is taken for rounding [1].
@@ -310,12 +308,12 @@ class Iterate:
         )
 
     def worthless(self, farthest: float) -> bool:
-        """Return whether no pressure at all is a better start than this one.
+        """Return whether zero pressure is a better start than this pressure.
 
         Parameters
         ----------
         farthest : float
-            Largest violation of a start that is better than no pressure [unit of displacement].
+            Largest violation of a start that is better than zero pressure [unit of displacement].
 
         Returns
         -------
@@ -336,9 +334,9 @@ class Iterate:
 
         It is p H p / 2 - p u under a given load, and p H p / 2 - p (u + s) at a given displacement.
         """
-        # With the residual r = u + s - H p, the energy is -(p u + p r + p s) / 2 at a given
-        # displacement. Under a given load the energy lacks - p s, so that the sign of p s changes;
-        # p s is then the load times s.
+        # With the residual r = u + s - H p, the energy is
+        # -(p u + p r + p s) / 2 at a given displacement, and
+        # -(p u + p r - p s) / 2 under a given load, where p s is the load times s.
         far_field_work = self.shift * float(self.pressure.sum())
         if self.load is not None:
             far_field_work = -self.shift * self.load
@@ -379,7 +377,7 @@ class Iterate:
         """Start from a pressure: bring it to the bounds and to the load, and compute its residual.
 
         Bodies may yield from now on if the pressure reaches the hardness somewhere. Under a given
-        load, the shift follows from the balance of the free nodes.
+        load, the shift follows from the balance of the free nodes. `exact` is unset.
 
         Parameters
         ----------
@@ -429,8 +427,8 @@ class Iterate:
     def let_yield(self) -> None:
         """Let bodies yield from now on: cut the pressure off, and bring it to the load.
 
-        The residual is updated by one convolution, the shift if the load is given; `exact` is
-        unset.
+        Set `yields` and `limit`, and unset `soft` and `exact`. The residual is updated by one
+        convolution, and the shift too if the load is given.
         """
         self.expect_yielding()
         before = self.pressure
@@ -445,10 +443,12 @@ class Iterate:
         """Shift the far field under a given load so that the free nodes are in balance.
 
         The mean of the residual, weighted by the pressure of the free nodes, is subtracted from the
-        residual, in place, and from `shift`. Where all nodes in contact have yielded, more than one
-        displacement is in balance. Then the least displacement without a gap in contact is taken.
-        If nodes outside penetrated at this displacement, yielded nodes have to give load to them.
-        Then the displacement is halfway to the one at which no node outside penetrates.
+        residual, in place, and from `shift`.
+
+        Where all nodes in contact have yielded, more than one displacement is in balance, and the
+        least one without a gap in contact is taken. If nodes outside the contact would penetrate
+        there, yielded nodes have to give load to them. The displacement is then halfway between
+        this one and the one at which no node outside penetrates.
 
         Parameters
         ----------
@@ -476,8 +476,11 @@ class Iterate:
     def admit(self, pressure: Field) -> None:
         """Bring a pressure to the load if one is given, in place.
 
-        If the pressure is zero everywhere, the load is spread evenly. If bodies may yield,
-        pressures within rounding of zero or the hardness are set to this bound.
+        If the pressure is zero everywhere, the load is spread evenly over all nodes. Elastic
+        pressures are scaled. If bodies may yield, only the pressures of free nodes are scaled, and
+        load that they cannot take is moved to the smallest gaps of the present `residual`, which
+        may belong to an earlier pressure. Pressures within rounding of zero or of the hardness are
+        then set to this bound.
 
         Parameters
         ----------
@@ -629,7 +632,7 @@ class Iterate:
         enough : float
             Number of nodes in contact up to which no further step is taken.
         """
-        interference = self.residual  # of no pressure; never changed in place
+        residual_of_none = self.residual  # no pressure yet; never changed in place
         for step in range(FIRST_STEPS):
             touching = self.touching()
             if np.count_nonzero(touching) <= enough:
@@ -639,7 +642,7 @@ class Iterate:
                 self.expect_yielding()
             np.minimum(target, self.limit, out=target)
             is_last = step == FIRST_STEPS - 1
-            if not self._take_first_step(target, interference, is_last=is_last):
+            if not self._take_first_step(target, residual_of_none, is_last=is_last):
                 return
         if self.yields:
             self._cap()
@@ -657,12 +660,12 @@ class Iterate:
         return np.maximum(corrected, 0, out=corrected)
 
     def _take_first_step(
-        self, target: Field, interference: Real, *, is_last: bool
+        self, target: Field, residual_of_none: Real, *, is_last: bool
     ) -> bool:
         """Step to the pressure `target`, scaled or damped to the least energy.
 
         If most of the load of `target` is on nodes at the hardness, the step from the present
-        pressure is damped, otherwise `target` is scaled. `interference` is the residual of no
+        pressure is damped, otherwise `target` is scaled. `residual_of_none` is the residual of zero
         pressure. Return whether there is a step that lowers the energy; else nothing changes.
         """
         load_at_hardness = 0.0
@@ -673,10 +676,10 @@ class Iterate:
         least_scale = None
         if load_at_hardness:  # in the last step, nodes at the hardness stay there
             least_scale = 1.0 if is_last else LEAST_SCALE
-        return self._scale_to(target, interference, least_scale)
+        return self._scale_to(target, residual_of_none, least_scale)
 
     def _step_towards(self, target: Field) -> bool:
-        """Go to the least energy between the present pressure and another one.
+        """Go to the least energy between the present pressure and the pressure `target`.
 
         Pressure and residual are replaced. Return False, and change nothing, where rounding leaves
         no step.
@@ -693,23 +696,23 @@ class Iterate:
         return True
 
     def _scale_to(
-        self, target: Field, interference: Real, least_scale: float | None
+        self, target: Field, residual_of_none: Real, least_scale: float | None
     ) -> bool:
         """Replace the pressure by the multiple of `target` with the least energy.
 
-        The residual follows from `interference`, the residual of no pressure. If `least_scale` is
-        not None, the factor is kept between it and 1. Return False, and change nothing, if no
-        positive factor has the least energy.
+        The residual follows from `residual_of_none`, the residual of zero pressure. If
+        `least_scale` is not None, the factor is kept between it and 1. Return False, and change
+        nothing, if no positive factor has the least energy.
         """
         image = self.patch.displace(target)
         stiffness = inner(target, image)
-        work = inner(interference, target)
+        work = inner(residual_of_none, target)
         if not (stiffness > 0 and work > 0):
             return False
         scale = work / stiffness
         if least_scale is not None:
             scale = min(max(scale, least_scale), 1.0)
-        self.residual = interference - np.float32(scale) * image
+        self.residual = residual_of_none - np.float32(scale) * image
         self.pressure = scale * target
         return True
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,16 @@ ULPS = 1e-15
 # Largest number of contacts of a ladder from whose pressures the start of the next contact is
 # extrapolated.
 EXTRAPOLATED = 3
+
+# Names of the further arguments that `ladder` takes: the arguments of `pose` except the surface and
+# the load.
+SETTINGS = signature(pose).parameters.keys() - {
+    "heights",
+    "side",
+    "delta",
+    "force",
+    "pressure",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +236,9 @@ def solve(
 def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
     """Solve a problem that has been checked.
 
+    Where the problem has a datum, it is solved with Delta from its own highest node, and Delta and
+    the approach are converted back.
+
     Parameters
     ----------
     problem : Problem
@@ -252,10 +266,11 @@ def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
         start = Start(near / problem.modulus)  # [E*]
     if problem.datum is None:
         return contact_of(problem, equilibrium_of(problem, start))
-    by_own_node = replace(problem, datum=None)
+    from_highest_node = replace(problem, datum=None)
     if problem.delta is not None:
-        by_own_node = replace(by_own_node, delta=problem.delta - problem.datum)
-    contact = contact_of(by_own_node, equilibrium_of(by_own_node, start))
+        delta = problem.delta - problem.datum
+        from_highest_node = replace(from_highest_node, delta=delta)
+    contact = contact_of(from_highest_node, equilibrium_of(from_highest_node, start))
     return replace(
         contact,
         problem=problem,
@@ -362,7 +377,7 @@ def ladder(
     threads: int | None = None,
     **settings: Any,
 ) -> Iterator[Contact]:
-    """Solve under many loads on one surface, each starting from the contacts before it.
+    """Solve under many loads on one surface, each from a start that earlier contacts give.
 
     The start extrapolates the change of pressure with the load from the last three contacts.
     Results equal those of `solve` within its tolerance. The smaller the steps are, the fewer
@@ -384,7 +399,7 @@ def ladder(
     threads : int, optional
         Number of threads that share the work, see `solve`.
     **settings
-        Further arguments of `solve`.
+        Further arguments of `solve`, except `near`.
 
     Returns
     -------
@@ -395,10 +410,18 @@ def ladder(
 
     Raises
     ------
+    TypeError
+        If `settings` has a name that is none of these arguments, at once.
     ValueError, NoSolution, NotConverged
-        As `solve` raises them: for the heights at once, else at the load that causes them.
-        NotConverged comes only after the load has also been tried without a start.
+        As `solve` raises them: for the heights, the number of threads and the form of the loads at
+        once, else at the load that causes them. NotConverged comes only after the load has also
+        been tried without a start.
     """
+    unknown = sorted(settings.keys() - SETTINGS)
+    if unknown:
+        raise TypeError(
+            f"ladder() takes no argument {unknown[0]}: it takes {', '.join(sorted(SETTINGS))}"
+        )
     by_quantity = {"delta": deltas, "force": forces, "pressure": pressures}
     passed = {name: loads for name, loads in by_quantity.items() if loads is not None}
     if len(passed) != 1:
@@ -459,9 +482,11 @@ class _Ladder(Iterator[Contact]):
     def __next__(self) -> Contact:
         """Solve for the next load, and keep its equilibrium for the next start.
 
-        If the solve from the extrapolated start does not converge, solve again without a start.
+        If the solve from the extrapolated start does not converge, solve again without a start. The
+        equilibrium of a load that fails or touches nothing is not kept.
         """
         load = next(self._loads)
+        # `pose` requires delta; the load replaces it if delta is the quantity.
         loads: dict[str, Any] = {"delta": None, self._quantity: load}
         problem = pose(self._heights, self._side, **loads, **self._settings)
         near = _extrapolated(self._last, load, problem.spacing[0])
@@ -492,8 +517,8 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
     pressure = np.zeros_like(equilibria[0].pressure)
     with np.errstate(over="ignore", invalid="ignore"):
         for weight, equilibrium in zip(weights, equilibria, strict=True):
-            unit = equilibrium.length * weight / spacing
-            pressure += unit * equilibrium.pressure
+            factor = equilibrium.length * weight / spacing
+            pressure += factor * equilibrium.pressure
         if not np.isfinite(pressure).all():
             return Start(equilibria[-1].pressure * (equilibria[-1].length / spacing))
         if pressure.min() < 0:
@@ -502,8 +527,8 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
         for weight, equilibrium in zip(weights, equilibria, strict=True):
             if equilibrium.displacement is None:
                 return Start(np.maximum(pressure, 0))
-            unit = equilibrium.length * weight
-            displacement += unit * equilibrium.displacement
+            factor = equilibrium.length * weight
+            displacement += factor * equilibrium.displacement
     return Start(pressure, displacement)
 
 

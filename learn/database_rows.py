@@ -28,7 +28,9 @@ class Stored:
     # numbers from which features are computed; hybrid columns are added later
     quantities: Rows
     targets: Sequence[Column]  # columns of the targets, in the order of the request
-    described: Values  # (n, 23), Delta and the 22 statistics
+    # (n, 23), Delta and the 22 statistics. Under a pressure, features of surfaces have a length in
+    # place of Delta (`learn.features.rows.by_pressure`).
+    described: Values
     damage: str  # remark of `gen.database.Reader.damage` on damaged rows; "" if there are none
 
 
@@ -36,12 +38,14 @@ class Origin(NamedTuple):
     """A database from which usable rows were read."""
 
     database: str  # path of the database
-    sha256: str  # SHA-256 of the columns that decide what a model learns
+    # SHA-256 of the columns of all rows, usable or not, that decide what a model learns
+    sha256: str
     scene: Scene
     rows: int  # number of usable rows
     # versions of the libraries that made the database, a text in JSON
     versions: str = "{}"
-    damage: str = ""  # remark of `gen.database.Reader.damage` on damaged rows
+    # remark of `gen.database.Reader.damage` on damaged rows; "" if there are none
+    damage: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,22 +57,23 @@ class Dataset:
     rows: Indices  # (n,), numbers of the rows in their databases
     # (n,), numbers of the groups that no split divides: surfaces, or tiles of maps
     groups: Indices
-    database: Indices  # (n,), number of the database in `origins`
-    # (n,), number of the map, or of the database for surfaces that are not from maps
+    database: Indices  # (n,), number of the row's database in `origins`
+    # (n,), number of the row's population: a map, or a database whose surfaces are not from maps
     population: Indices
     features: FeatureSet  # set with the d columns of the inputs
     target_name: str  # name of the target's column
-    unit: str  # of `target`; "1" if it was made free of units
+    unit: str  # of `target`; "1" if `scale` has the unit of the column
     dropped: dict[str, int]  # number of rows left out, by reason
-    # (n, 23), Delta and the 22 statistics; NaN if undefined and not needed by the features
+    # (n, 23), as in `Stored`; NaN if undefined and not needed by the features
     described: Values
-    scale: Values  # (n,), divisor of the target; 1 if it keeps its unit
+    scale: Values  # (n,), divisor of the target; 1 if the target keeps its unit
     origins: tuple[Origin, ...]  # the databases in their order
     name: str  # paths of the databases, joined by ", "
     # Powers of heights, lengths and E* to which the target is proportional; None if unknown, or if
     # it is not proportional to any.
     powers: Powers | None = None
-    sha256: str = ""  # that of the origin, or of the joined ones of several origins
+    # SHA-256 of the only origin; for several origins a SHA-256 of all of theirs
+    sha256: str = ""
     # True if all surfaces are windows of maps, and groups are tiles
     by_tile: bool = False
 
@@ -81,7 +86,8 @@ class Dataset:
     def surfaces(self) -> Indices:
         """Number of the surface or tile of each row, (n,).
 
-        If all rows are of one surface, each row has a number of its own, so that they can be split.
+        If all rows are of one surface or tile, each row has a number of its own, so that the rows
+        can be split.
         """
         if np.ptp(self.groups) == 0:
             return np.arange(self.size)
@@ -98,11 +104,12 @@ class Dataset:
         Returns
         -------
         Dataset
-            The k rows in the order of the positions. Groups are numbered anew, from 0.
+            The k rows in the order of the positions. Groups are numbered anew from 0; all other
+            numbers are those of this dataset.
         """
         arrays: dict[str, Any] = {}
         for name, value in vars(self).items():
-            if isinstance(value, np.ndarray):  # all arrays have n rows
+            if isinstance(value, np.ndarray):  # Every array has n rows.
                 arrays[name] = value[positions]
         _, arrays["groups"] = np.unique(arrays["groups"], return_inverse=True)
         return replace(self, **arrays)

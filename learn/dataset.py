@@ -116,9 +116,9 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
 
 
 def _is_count(column: Column) -> bool:
-    """Tell whether a column is a number of something, such as nodes in contact, and no code.
+    """Tell whether a column counts something, such as nodes in contact.
 
-    Such whole numbers are learnt like real ones.
+    Counts are learnt like real numbers. Whole numbers that are codes are no counts.
     """
     quantity = QUANTITIES.get(column.name)
     return quantity is not None and quantity.dtype.startswith("i") and not quantity.code
@@ -244,15 +244,15 @@ def stored(path: Path, request: Request, load: str) -> Stored:
     path : Path
         The database.
     request : Request
-        All targets, and the name of the feature set.
+        The request, of which the targets and the name of the feature set are used.
     load : str
         Load of the features, one of `learn.features.scene.LOADS`.
 
     Returns
     -------
     Stored
-        All rows, without columns of coarse solves. Under a pressure, the Delta of features of
-        surfaces is replaced by a length (`learn.features.rows.by_pressure`).
+        All rows, without columns of coarse solves. Under a pressure, features of surfaces have a
+        length in place of Delta (`learn.features.rows.by_pressure`).
 
     Raises
     ------
@@ -284,7 +284,10 @@ def stored(path: Path, request: Request, load: str) -> Stored:
 def _target_columns(
     path: Path, scene: Scene, targets: Sequence[str], load: str
 ) -> list[Column]:
-    """Return the columns of targets, which are columns or short names; refuse unknown ones."""
+    """Return the columns of targets, which are named by column or short name; refuse unknown ones.
+
+    `path` is the database, for the message.
+    """
     stored_results = results(scene, load)
     columns = []
     for target in targets:
@@ -297,14 +300,16 @@ def _target_columns(
 
 
 def _quantities(reader: Reader, features: str, load: str) -> Rows:
-    """Read the numbers from which the features of a set, by its name, are computed under a load.
+    """Read the numbers from which the features of a set are computed under a load.
 
-    Returns them for all rows, without columns of coarse solves.
+    `features` is the name of the set. Return the numbers of all rows, without columns of coarse
+    solves.
     """
     scene = reader.scene
     scene_numbers: Mapping[str, Values] = {}
     if features == SCENE or load != "delta":
         scene_numbers = numbers_of_rows(scene, reader.column)
+    # Length and nodes along a side are the geometric means over both axes.
     quantities = Rows(
         statistics=np.stack([reader.column(name) for name in STATISTICS], axis=1),
         delta=reader.column("delta"),
@@ -337,8 +342,8 @@ def _hardness_ratio(reader: Reader) -> Values | float | None:
 class UsableRows:
     """The k usable rows of one database for one target."""
 
-    # Stored rows, of which `rows`, `columns` and `described` are those of the k usable rows only.
-    # Its `quantities` are still those of all rows.
+    # The database: `rows`, `columns` and `described` have the k usable rows only, while
+    # `quantities` still have all rows.
     part: Stored
     inputs: Values  # (k, d), features
     target: Values  # (k,), values of the target's column over `scale`
@@ -358,8 +363,8 @@ class Selection:
     area_max : float or None
         Largest area of usable rows [%]; None for no limit.
     common : bool
-        True if all targets of a row have to be finite, False if only the target of the dataset
-        has to be.
+        True if all targets of a usable row are finite, False if only the target of the dataset has
+        to be finite.
     """
 
     features: FeatureSet
@@ -389,7 +394,8 @@ class Selection:
         """
         column = parts[0].targets[number]
         powers = column.powers
-        # A user's outputs may have equal names in two databases, and different powers.
+        # A user's outputs may have equal names in two databases, and different powers: the target
+        # then keeps its unit.
         if any(part.targets[number].powers != powers for part in parts):
             powers = None
         databases = [self._usable(part, number, powers) for part in parts]
@@ -403,7 +409,7 @@ class Selection:
         usable = [database.part for database in databases]
         sizes = [database.target.size for database in databases]
         unit = column.unit
-        if (scale != 1).any():  # the scale has the unit of the target
+        if (scale != 1).any():  # The scale has the unit of the column.
             unit = "1"
         return Dataset(
             inputs=np.concatenate([database.inputs for database in databases]),
@@ -430,7 +436,7 @@ class Selection:
 
         `number` is the target's position in `Stored.targets`, and `powers` are its powers of
         heights, lengths and E*. The target is divided by its scale (`FeatureSet.scale`), which is 1
-        if `powers` is None. The `quantities` of the returned `part` are still those of all rows.
+        if `powers` is None.
         """
         targets = [
             np.asarray(part.columns[column.name], np.float64) for column in part.targets
@@ -440,6 +446,7 @@ class Selection:
         if self.common:
             must_be_finite = targets
         finite = np.asarray(np.isfinite(must_be_finite).all(axis=0))
+        # Features that overflow or are undefined are a reason to leave out their rows.
         with np.errstate(over="ignore", invalid="ignore"):
             inputs = self.features.of(part.quantities)
         reasons = self._reasons_against(part, inputs, finite)
@@ -473,15 +480,17 @@ class Selection:
     ) -> NDArray[np.object_]:
         """Return the reason why each row is left out, (n,); "" for usable rows.
 
-        Takes the features, (n, d), and True for rows with a finite target, (n,). A later assignment
-        replaces an earlier reason. A row that is done although its surface does not define all
-        statistics is usable if the features do not need them.
+        `inputs` are the features, (n, d). `finite`, (n,), is True for rows whose target is finite,
+        or all of whose targets are finite (`common`). A later assignment replaces an earlier
+        reason. A row that is done although its surface does not define all statistics is usable if
+        the features do not need them.
         """
         status = part.columns["status"]
         reason = part.columns["reason"]
         no_statistics = (status == Status.DONE) & (reason == Reason.NO_STATISTICS)
         reasons = np.full(status.size, "", dtype=object)
         reasons[~finite] = "target not finite"
+        # Statistics that the surface does not define are no reason here: 0 stands in for them.
         undefined = no_statistics[:, None] & np.isnan(part.described)
         described = np.where(undefined, 0.0, part.described)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -493,7 +502,7 @@ class Selection:
         for code in np.unique(reason[failed]):
             text = REASONS.get(int(code), f"reason {code}") or "no reason given"
             reasons[failed & (reason == code)] = f"failed: {text}"
-        # The following reasons are for rows without one of those above.
+        # The following reasons are for rows that have none of the reasons above.
         if self.area_max is not None:
             too_large = part.columns["area_percent"] > self.area_max
             reasons[(reasons == "") & too_large] = f"area above {self.area_max:g} %"
@@ -509,7 +518,8 @@ class Selection:
 def _fingerprint(part: Stored, target: Values) -> str:
     """Return the SHA-256 of the columns of a database that decide what a model learns.
 
-    These are status, Delta, statistics, target, area and, if the scene draws it, the hardness.
+    These are status, Delta (or the length in its place, see `Stored.described`), statistics,
+    target, area and, if the scene draws it, the hardness. `target` is the whole column, (n,).
     """
     columns = [part.columns["status"], part.described, target]
     columns.append(part.columns["area_percent"])
@@ -530,24 +540,26 @@ def _joint_fingerprint(origins: Sequence[Origin]) -> str:
 
 
 def _population_numbers(parts: Sequence[Stored]) -> Indices:
-    """Return the number of the population of each row, (n,), as in `populations_of`.
+    """Return the number of the population of each row, (n,), database by database.
 
-    Populations are numbered in the order of their first rows.
+    Populations with equal names (`populations_of`) are one population. They are numbered in the
+    order of their first rows.
     """
     names: list[str] = []
     for part in parts:
         names += populations_of(part)
-    different = dict.fromkeys(names)
-    numbers = {name: number for number, name in enumerate(different)}
+    different_names = dict.fromkeys(names)
+    numbers = {name: number for number, name in enumerate(different_names)}
     return np.array([numbers[name] for name in names], dtype=np.int64)
 
 
 def _require_usable(
     target: str, values: Values, origins: Sequence[Origin], dropped: Mapping[str, int]
 ) -> None:
-    """Refuse fewer rows than `SMALLEST`, a database without rows, and a constant target.
+    """Refuse fewer usable rows than `SMALLEST`, a database without any, and a constant target.
 
-    Takes the values of the target, (n,), and the number of rows left out by reason.
+    Takes the name of the target, its values in the usable rows, (n,), the databases, and the number
+    of rows left out by reason.
     """
     name = ", ".join(origin.database for origin in origins)
     if values.size < SMALLEST:
@@ -569,7 +581,7 @@ def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
     """Refuse databases that one surrogate cannot describe, and databases that are given twice.
 
     With `scaled` features, which have no units, scan lengths and E* may differ, and elastic bodies
-    count as very hard ones.
+    may be learnt together with bodies that yield: they are taken for very hard ones.
     """
     files = Counter(os.path.realpath(part.path) for part in parts)
     for file, times in files.items():
@@ -589,8 +601,8 @@ def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
 def _common_settings(scene: Scene, *, scaled: bool) -> dict[str, Any]:
     """Return the settings of a scene that must be equal in all scenes of a fit.
 
-    They are listed by their keys in scenes. Lengths and moduli are rounded, so that rounding of
-    sides and moduli makes no difference.
+    They are returned by their keys in scenes. Sides and moduli are rounded, so that numbers that
+    differ by a rounding error are equal.
     """
     contact = scene.contact
     along, across = scene.grid.sides
@@ -679,7 +691,7 @@ def _repeated_rows(dataset: Dataset) -> str:
 
 
 def _dominant_target(dataset: Dataset) -> str:
-    """Return a warning if the largest target hides the median one in squared errors, or ""."""
+    """Return a warning if the largest target hides the median one in squared errors; else ""."""
     magnitudes = np.abs(dataset.target)
     largest = magnitudes.max()
     usual = np.median(magnitudes[magnitudes > 0])
@@ -692,13 +704,15 @@ def _dominant_target(dataset: Dataset) -> str:
 
 
 def _dominant_input(dataset: Dataset) -> str:
-    """Return a warning if one input hides the other ones in rows of unit length, or ""."""
+    """Return a warning if one input hides all others in rows of unit length; else ""."""
     sizes = np.median(np.abs(dataset.inputs), axis=0)
     place = int(np.argmax(sizes))
     size_without = float(np.linalg.norm(np.delete(sizes, place)))
     if not sizes[place] > DOMINANT * size_without:
         return ""
-    ratio = sizes[place] / max(size_without, 1e-300)  # the other inputs may be 0
+    ratio = sizes[place] / max(
+        size_without, 1e-300
+    )  # not by 0, if all other inputs are 0
     return (
         f"warning: {dataset.features.columns[place]} is {ratio:.1e} times all other inputs: rows"
         " of unit length say nothing else; try --normalise standard"

@@ -1,7 +1,7 @@
 """The nine models of the paper's section 3.3 as scikit-learn pipelines, and scalings of targets.
 
 A baseline is a model with the defaults of its library and the paper's kernel: for the Gaussian
-process a radial basis function of length 1 that is not fitted (Appendix A), for kernel ridge a
+process a radial basis function whose length is 1 and not fitted (Appendix A), for kernel ridge a
 linear kernel. For features without units, `learn.comparison.grid.baseline` changes the length.
 """
 
@@ -52,9 +52,11 @@ class Model:
     baseline: Mapping[str, Any] = field(default_factory=dict)
     # Further settings of all candidates of a search, and of the fit of its winner.
     tuned: Mapping[str, Any] = field(default_factory=dict)
-    # Setting for whose values predictions follow from a single fit; "" if there is none.
+    # Setting of which one fit gives the predictions for all values, as the number of trees; "" if
+    # there is none.
     shared: str = ""
-    # Setting of the paper's grid that the library no longer uses, and warns about; "" for none.
+    # Setting of the paper's grid that the library no longer uses, and warns about; "" if there is
+    # none.
     ignored: str = ""
 
     def estimator(self, seed: int, *, tuned: bool = False) -> Any:
@@ -76,7 +78,7 @@ class Model:
         if tuned:
             settings |= self.tuned
         for name, value in settings.items():
-            if callable(value):  # it makes an object of a library
+            if callable(value):  # a function that makes an object of a library
                 settings[name] = value()
         module, _, name_in_module = self.path.rpartition(".")
         make = getattr(import_module(module), name_in_module)
@@ -89,7 +91,8 @@ class Model:
 def boosted() -> Any:
     """Make XGBoost's estimator for one thread.
 
-    Its defaults are written out, because searches read them from the estimator.
+    Its defaults are written out: without them its settings are None, and searches read settings
+    from the estimator.
     """
     from xgboost import XGBRegressor
 
@@ -97,7 +100,7 @@ def boosted() -> Any:
 
 
 def _tree() -> Any:
-    """Make AdaBoost's default tree; it is written out so that a search can set its depth."""
+    """Make AdaBoost's default tree. Without it a search could not set the depth of the tree."""
     from sklearn.tree import DecisionTreeRegressor
 
     return DecisionTreeRegressor(max_depth=3)
@@ -106,7 +109,8 @@ def _tree() -> Any:
 def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
     """Make a radial basis function of length 1.
 
-    Its length is fitted within the bounds, and not fitted if these are "fixed".
+    `bounds` are the smallest and the largest length that a fit may choose, or "fixed" for a length
+    that is not fitted.
     """
     from sklearn.gaussian_process.kernels import RBF
 
@@ -165,7 +169,8 @@ MODELS: dict[str, Model] = {
             name="mlp",
             title="MLP Regressor",
             path="sklearn.neural_network.MLPRegressor",
-            # L-BFGS also counts evaluations; their default limit would end the training earlier.
+            # L-BFGS also has a largest number of evaluations, whose default would end the training
+            # before its largest number of epochs.
             tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
         ),
     )
@@ -175,7 +180,7 @@ MODELS: dict[str, Model] = {
 POPULATION = Model(
     name="population", title="Population Mean", path="learn.population.Population"
 )
-"""A tenth model, for the features of scenes only. The nine models can be fitted to these, too."""
+"""A tenth model, for the feature set `scene` only. The nine models can be fitted to it, too."""
 
 EVERY = MODELS | {POPULATION.name: POPULATION}
 """All ten models by name."""
@@ -200,7 +205,7 @@ def default_model(features: str) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of `LIBRARIES` by name, "" for a library that is not installed."""
+    """Return the versions of `LIBRARIES` by their names, "" for a library that is not installed."""
     numbers = installed((*LIBRARIES, "xgboost"))
     versions_by_name = {}
     for name in LIBRARIES:
@@ -330,10 +335,10 @@ USUAL = (1e-3, 1e3)
 """Smallest and largest median of targets that keep their scale, as areas in percent do."""
 
 FAR = 10.0
-"""Largest ratio of the mean of a target to its deviation with which the mean is not subtracted."""
+"""Largest ratio of a target's mean to its deviation at which the mean is not subtracted."""
 
 SIZE = 3
-"""Exponent to which other targets are scaled: their medians become 2^2 to 2^3.
+"""Exponent of 2 for the scaling of targets whose median is not `USUAL`: it becomes 2^2 to 2^3.
 
 The median of the paper's areas is in this range. Settings that were found for areas then suit these
 targets, too.
@@ -343,8 +348,8 @@ targets, too.
 def learns_root(column: str) -> bool:
     """Tell whether surrogates learn the square root of a target.
 
-    They do so for numbers and shares of nodes in contact. For the force over its scale, the root
-    makes the error a third larger.
+    They do so for numbers and shares of nodes, as the area. For the force over its scale, the root
+    would make the error a third larger.
 
     Parameters
     ----------
@@ -376,10 +381,10 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     Returns
     -------
     Scaling
-        With `standard`, and for features without units, a scaling to mean 0 and deviation 1. It is
-        that of the square root if the features have roots and `learns_root` is true. Otherwise a
-        scaling that leaves targets of the size of areas in percent as they are, subtracts a mean
-        that is far larger than the deviation, and divides by a power of two.
+        With `standard`, and for features without units, a scaling to mean 0 and deviation 1, of
+        the square root of the target if the features have roots and `learns_root` is true.
+        Otherwise a scaling that subtracts a mean that is far larger than the deviation (`FAR`), and
+        divides by a power of two if the median is not of the size of areas in percent (`USUAL`).
     """
     target = dataset.target[train]
     if not (standard or dataset.features.scaled):
@@ -403,7 +408,7 @@ def _scaling_by_power_of_two(target: Values) -> Scaling:
     magnitudes = np.abs(target - mean)
     if not magnitudes.any():  # a constant target
         return Scaling(mean=mean)
-    # Outliers do not change the median.
+    # The size of outliers does not change the median. Zeros, as of bodies that do not yield, would.
     median = float(np.median(magnitudes[magnitudes > 0]))
     smallest, largest = USUAL
     if smallest <= median <= largest:
@@ -416,13 +421,13 @@ def _scaling_by_power_of_two(target: Values) -> Scaling:
 USABLE = 0.85
 # Memory of a process with its libraries, before any fit [bytes].
 PROCESS = 350 * MIB
-# Largest memory of a model for each pair of training rows [bytes]; a matrix of double precision has
-# 8. These and the following numbers were measured (`bench memory`, at commit 10684ff).
+# Largest memory of a fit for each pair of training rows [bytes], by model. One matrix of double
+# precision has 8. This and the following numbers were measured (`bench memory`, at commit 10684ff).
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 # Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
 FIXED_KERNEL = 0.52
-# Memory of up to 2,000 deep trees for at most `TREE_ROWS` training rows [MiB]. For more rows it is
-# larger in proportion.
+# Memory of up to 2,000 deep trees for at most `TREE_ROWS` training rows [MiB], by model. For more
+# rows it is larger in proportion.
 TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boost": 1792}
 # Number of training rows for which `TREES` states the memory.
 TREE_ROWS = 10_000
@@ -451,13 +456,13 @@ def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
     pair_bytes = PAIR_BYTES.get(model, 0.0)
     if baseline and model == "gaussian-process":
         pair_bytes *= FIXED_KERNEL
-    need = PROCESS + pair_bytes * rows**2  # bytes
+    needed = PROCESS + pair_bytes * rows**2  # bytes
     if not baseline:
-        need += TREES.get(model, OTHERS) * MIB * max(1.0, rows / TREE_ROWS)
+        needed += TREES.get(model, OTHERS) * MIB * max(1.0, rows / TREE_ROWS)
     limit = USABLE * min(allowed(), free())  # bytes
-    if need > limit:
+    if needed > limit:
         raise InputError(
-            f"{model} needs about {need / 2**30:.1f} GiB for {rows} training rows, this machine has"
-            f" {limit / 2**30:.1f} to give: take fewer with --train-rows, fewer workers, or another"
-            " --model"
+            f"{model} needs about {needed / 2**30:.1f} GiB for {rows} training rows, this machine"
+            f" has {limit / 2**30:.1f} to give: take fewer with --train-rows, fewer workers, or"
+            " another --model"
         )

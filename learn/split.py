@@ -35,7 +35,7 @@ Folds = NDArray[np.int8]
 DRAWS = 20
 # Number of folds of the cross-validation, as in the paper.
 FOLDS = 5
-# Number of tiles that a surrogate needs: one each to train, validate, calibrate and test.
+# Smallest number of tiles for a surrogate: one each to train, validate, calibrate and test.
 TILES = 4
 # Share of the rows that test, as in the paper.
 TEST_SHARE = 0.2
@@ -64,8 +64,8 @@ def draw(
     """Draw a split of a dataset: a fifth of the rows to test, the others to train, in folds.
 
     No group of rows is divided. If each group is one row, exactly a fifth of the rows, rounded
-    down, are test rows. If a target is constant over a part, as the yielded share is where no body
-    of the part yields, the draw is repeated, up to `DRAWS` draws in all.
+    down, are test rows. The draw is repeated, up to `DRAWS` draws in all, if a target is constant
+    over a part: the yielded share, for example, if no body of the part yields.
 
     Parameters
     ----------
@@ -132,18 +132,19 @@ def _test_size(groups: Indices) -> int:
     Takes the number of the group of each row, (n,), with the rows of a group in succession. The
     test rows are whole groups: at most a fifth of the rows, but at least one group.
     """
+    # Numbers of rows up to the end of each group; no group has the number -1.
     ends = np.flatnonzero(np.diff(groups, append=-1)) + 1
     limit = int(TEST_SHARE * groups.size)
     groups_within = int(np.searchsorted(ends, limit, side="right"))
-    last = max(groups_within - 1, 0)
-    return int(ends[last])
+    last_group = max(groups_within - 1, 0)
+    return int(ends[last_group])
 
 
 def _constant_part(datasets: Sequence[Dataset], train: Indices, test: Indices) -> str:
     """Return a message on the first target that is constant over a part; "" if all targets vary.
 
-    A target does not vary over a part of fewer than two rows. Takes a dataset for each target, and
-    the positions of their training and test rows.
+    Over a part of fewer than two rows every target is constant. Takes a dataset for each target,
+    and the positions of their training and test rows.
     """
     for dataset in datasets:
         kind = "surfaces"
@@ -165,8 +166,9 @@ def _folds(groups: Indices) -> Folds:
 
     Takes the number of the group of each row, (m,), with the rows of a group in succession.
     """
+    # Position of the first row of each group; no group has the number -1.
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
-    sizes = np.diff(starts, append=groups.size)
+    sizes = np.diff(starts, append=groups.size)  # rows of each group
     # The middle of a group among all rows decides its fold.
     middles = starts + sizes / 2
     folds = (FOLDS * middles / groups.size).astype(np.int8)  # rounded down
@@ -276,7 +278,7 @@ def populations_of(part: Stored) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Grouping:
-    """Groups of the rows of a database by seed, tile or map.
+    """Groups of the rows of a database: by seed and number of the surface, by tile, or by map.
 
     Rows of two databases are in one group if both `kind` and number are equal.
     """
@@ -312,10 +314,10 @@ def surface_groups(parts: Sequence[Stored]) -> Indices:
     comparable = np.where(np.isnan(statistics), -np.inf, statistics)
     surfaces = np.unique(comparable, axis=0, return_inverse=True)[1].ravel()
     if len(parts) == 1 and TILE not in parts[0].columns:
-        # Rows of one seed and number have equal statistics.
+        # In one database, rows of one seed and number have equal statistics.
         return np.asarray(surfaces, dtype=np.int64)
     numbers_of_kinds: dict[object, int] = {}
-    pairs = []
+    pairs = []  # for each database the kind and number of the group of each row, (n, 2)
     for part in parts:
         grouping = _grouping(part, parts)
         kind = numbers_of_kinds.setdefault(grouping.kind, len(numbers_of_kinds))
@@ -327,11 +329,11 @@ def surface_groups(parts: Sequence[Stored]) -> Indices:
 
 
 def _grouping(part: Stored, parts: Sequence[Stored]) -> Grouping:
-    """Return the groups of the rows of one database, `part`, among all databases, `parts`.
+    """Return the groups of the rows of `part`, which is one of the databases `parts`.
 
-    Generated surfaces are grouped by seed and number. Windows are grouped by tile, or by map if
-    another database cuts one of the maps into different tiles. Raises InputError in this last case
-    if one of these databases has a second rough body.
+    Surfaces that are no windows are grouped by seed and number. Windows are grouped by tile, or by
+    map if another database cuts one of the maps into different tiles. Raises InputError in this
+    last case if one of these databases has a second rough body.
     """
     scene = part.scene
     surface = scene.surface
@@ -361,7 +363,7 @@ def _grouping(part: Stored, parts: Sequence[Stored]) -> Grouping:
 
 
 def _tiling(scene: Scene) -> str:
-    """Return as a text the keys of a scene's table of surfaces that decide the tiles of its maps.
+    """Return as a text the keys and values of a scene that decide the tiles of its maps.
 
     Scenes with equal texts cut their maps into equal tiles.
     """
@@ -383,18 +385,19 @@ def _hashes(scene: Scene) -> set[str]:
 def _linked(first: Indices, second: Indices) -> Indices:
     """Join rows that have equal first or equal second labels; return the group of each row, (n,).
 
-    Rows are also joined if a chain of such pairs connects them. Both labels, (n,), are numbers of 0
-    and more. Groups are numbered in the order of their first rows.
+    Rows are also joined if a chain of joined pairs of rows connects them. Labels, (n,) each, are
+    numbers not below 0. Groups are numbered in the order of their first rows.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    # The nodes of the graph are the first labels and, numbered after them, the second ones.
+    # The nodes of the graph are the first labels and, numbered after them, the second labels. Each
+    # row is an edge between its two labels.
     shift = int(first.max()) + 1
     size = shift + int(second.max()) + 1
     edges = (first, second + shift)
     graph = coo_array((np.ones(first.size), edges), shape=(size, size))
     component = connected_components(graph, directed=False)[1][first]
     _, first_row, place = np.unique(component, return_index=True, return_inverse=True)
-    ranks = np.argsort(np.argsort(first_row))
+    ranks = np.argsort(np.argsort(first_row))  # rank of each component by its first row
     return np.asarray(ranks[place.ravel()], dtype=np.int64)

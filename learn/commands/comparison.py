@@ -151,14 +151,17 @@ def _run_jobs(
     began: float = 0.0,
     must_beat_constant: bool = False,
 ) -> int:
-    """Run the jobs of a comparison on all processes of the run, and print its tables.
+    """Run the jobs of a comparison on all processes of the run; write and print its tables.
 
-    `jobs` is the function `compare` or `tune` of `learn.comparison.jobs`. Return the exit code: 0,
-    or 128 plus the number of the signal that stopped the jobs, which `jobs` returns. `budget` is
-    the time that the command may take, "" for any; it starts at the time `began` of `time.time`
-    [s]. With `must_beat_constant`, InputError is raised at the end if a constant
-    predicts as well as a tuned model. Baselines may be no better: the libraries' settings decide
-    about them, and the tables say so.
+    `jobs` is the function `compare` or `tune` of `learn.comparison.jobs`, which returns the number
+    of the signal that stopped it, or 0. Return the exit code: 0, or 128 plus this number.
+
+    `budget` is the text of the time that the command may take, "" for no limit. The time starts at
+    `began` of `time.time` [s], which is not used without a budget.
+
+    With `must_beat_constant`, InputError is raised at the end if a constant predicts as well as a
+    tuned model. A baseline may be no better than a constant, because nobody has chosen its
+    settings; the tables say so.
     """
     from learn.executor import led, seconds
 
@@ -186,13 +189,13 @@ def _require_better_than_constant(
 ) -> None:
     """Raise InputError if a tuned model of a request is no better than a constant.
 
-    The message names the first one. Tuned models in the folder that the request does not name are
-    not looked at.
+    The message names the first of these models. Tuned models of the folder that the request does
+    not name are not checked.
     """
     from learn.comparison import tables
     from learn.models import MODELS
 
-    models = request.models or MODELS
+    models = request.models or MODELS  # Without names the request is for all models.
     for tables_of_target in tables_of_targets:
         for useless in tables.no_better_than_constant(tables_of_target):
             if useless.row.kind == "tuned" and useless.row.model in models:
@@ -230,7 +233,8 @@ def importance(file: Database, output: Output, *, selection: Selection) -> None:
     optimum. Written are DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
     models = selection.model or ["kernel-ridge"]
-    selection_of_one = selection._replace(model=models[-1:])  # the last one that is named
+    # Of several names the last one is taken.
+    selection_of_one = selection._replace(model=models[-1:])
     check_folder(output)
     request = request_of(selection_of_one, [file], output, selection.features)
     from learn.comparison.importance import write_report

@@ -44,11 +44,12 @@ MOST_REASONS = 12
 """Largest number of kinds of reasons that are printed."""
 
 VALUE = re.compile(r" \S+ outside")
-"""Part of a reason that differs between rows: the value in "delta/h 3.1 outside 0.1 to 2"."""
+"""Part of a reason with the value, which differs between rows: " 3.1 outside" in
+"delta/h 3.1 outside 0.1 to 2"."""
 
 HIDDEN = ("_low", "_high", "warnings")
-"""Endings of the titles of columns that are not printed. The cell of a value has the ends of its
-interval, and warnings are printed while surfaces are read."""
+"""Endings of the titles of columns that are not printed. The ends of an interval are printed in the
+cell of its value, and warnings while surfaces are read."""
 
 
 File = Annotated[
@@ -204,17 +205,18 @@ def _loads(delta: str, pressure: str) -> dict[str, Values]:
 
 
 def _modulus(material: options.Material) -> float | None:
-    """Return E* of the options [MPa]; None if they give no modulus and no ratio."""
+    """Return E* of the options [MPa]; None if they give neither a modulus nor a ratio."""
     return combined_modulus(material.young, material.poisson, material.e_star)
 
 
 def _print_predictions(
     rows: Sequence[Mapping[str, Any]], title: str, doubts: Sequence[str]
 ) -> None:
-    """Print predictions, one row or more, on standard output.
+    """Print predictions on standard output.
 
-    Printed are a title, the first `MOST_ROWS` rows as a table, the doubts about the bodies, and why
-    rows are outside the training.
+    Print the title, the first `MOST_ROWS` rows as a table, the doubts about the bodies, and why
+    rows are outside the training. `rows` are the cells of each row by column, one row or more, all
+    with equal columns.
     """
     columns = [name for name in rows[0] if not name.endswith(HIDDEN)]
     lines = [[_cell(row, column) for column in columns] for row in rows[:MOST_ROWS]]
@@ -228,10 +230,10 @@ def _print_predictions(
 
 
 def _cell(row: Mapping[str, Any], column: str) -> str:
-    """Return the text of a cell.
+    """Return the text of a cell of a row.
 
-    Column "reason" is shortened to its first reason. A target has the interval behind its value, or
-    "(-)" if the row is outside the training.
+    Of the column "reason" it is the first reason only. The value of a target is followed by its
+    interval in brackets, or by "(-)" if the row is outside the training.
     """
     value = row[column]
     if column == "reason":
@@ -249,7 +251,8 @@ def _cell(row: Mapping[str, Any], column: str) -> str:
 def _print_reasons(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print how many rows are outside the training, and the most frequent kinds of reasons.
 
-    Reasons are of one kind if only the value in them differs; the first of each kind is printed.
+    Reasons are of one kind if only the value in them differs; the first reason of each kind is
+    printed. Nothing is printed if all rows are inside.
     """
     outside = [row for row in rows if row["flag"] == "outside"]
     if not outside:
@@ -275,8 +278,8 @@ def _parameters(
 ) -> dict[str, float]:
     """Parse --at, as "hurst=0.7,rms_height=1.2"; return its numbers and the hardness, by name.
 
-    Raises InputError for options of surfaces and moduli, for a part that is no NAME=NUMBER, and for
-    a name that is given twice.
+    The hardness [MPa] is that of --hardness, if it is given. Raises InputError for options of
+    surfaces and moduli, for a part that is no NAME=NUMBER, and for a name that is given twice.
     """
     if _modulus(material) is not None:
         raise InputError(
@@ -300,7 +303,7 @@ def _parameters(
         try:
             number = float(text)
         except ValueError:
-            number = math.nan
+            number = math.nan  # which is refused
         if math.isnan(number) or name in numbers:
             raise InputError(
                 f"--at {quoted(at)}: give NAME=NUMBER once a name, with commas between,"
@@ -374,8 +377,9 @@ def _order(
 ) -> Order:
     """Return the order of a law with its surfaces, loads and material.
 
-    `inputs` are the arguments of the command. `surrogate` is the one that predicts the law; None if
-    the law is solved. Raises InputError for an option whose value is not allowed.
+    `inputs` are the arguments of the command: a surrogate and then surfaces, or surfaces only.
+    `surrogate` is the one that predicts the law; None if the law is solved. Raises InputError for
+    an option whose value is not allowed.
     """
     from gen.law import Order
     from gen.law.order import require_also
@@ -413,11 +417,12 @@ def _order(
 def _surrogate_of_law(inputs: Sequence[str], question: LawQuestion) -> Surrogate | None:
     """Read the surrogate that predicts a law, which is the first input; None with --solver.
 
-    Raises InputError if it is no surrogate, or if the inputs and options do not belong together.
+    Raises InputError if the first input is no surrogate although --solver is not given, or if
+    inputs and options do not belong together.
     """
     from learn.surrogate import Surrogate
 
-    # Without a surrogate, with --solver, `first` is a surface too.
+    # With --solver there is no surrogate, and `first` is a surface too.
     first, *surfaces = inputs
     path = Path(first)
     is_surrogate = path.is_file() and kind_of(path) == "surrogate"
@@ -444,7 +449,7 @@ def _surrogate_of_law(inputs: Sequence[str], question: LawQuestion) -> Surrogate
 
 
 def _boundary_of_scene(inputs: Sequence[str]) -> Boundary | None:
-    """Return the boundary of the first input that is a scene; None if no input is one."""
+    """Return the boundary of the first input that is a scene; None if no input is a scene."""
     from gen.law.surfaces import scene_of
 
     for text in inputs:
@@ -455,7 +460,7 @@ def _boundary_of_scene(inputs: Sequence[str]) -> Boundary | None:
 
 
 def _solved_law(order: Order) -> Law:
-    """Solve a law without a surrogate, and warn that the option for this leaves."""
+    """Solve a law without a surrogate, and warn that the option --solver is deprecated."""
     from gen.law import by_solver
 
     contact_law = by_solver(order)

@@ -44,7 +44,7 @@ from learn.models import (
 from learn.split import FOLDS, Folds
 
 LEAST_SCORE = -1e20
-"""Smallest R2 of a trial. With a smaller one, which would spoil means, the fit has diverged."""
+"""Smallest R2 of a trial. A fit with a smaller one, which would spoil means, counts as diverged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +59,15 @@ class Training:
     normalisation: str = "l2"  # scaling of the features; see `learn.models.pipeline`
     seed: int = 0  # seed of the models' random draws
     scaling: Scaling = field(default_factory=Scaling)  # scaling of the target
-    # (n,), number of the surface of each training row; None for models that do not need it
+    # (n,), number of the surface of each training row; None if the model does not need it
     groups: Indices | None = None
 
     def seen_by(self, model: str) -> Self:
         """Return the training as a model sees it.
 
-        The mean of a population sees targets in their unit, and the surface of each row. All other
-        models see scaled targets, and no surfaces.
+        The mean of a population sees targets in their unit, and the surface of each row: `groups`
+        are kept, and `scaling` changes nothing. All other models see scaled targets, and no
+        surfaces: `groups` are None.
 
         Parameters
         ----------
@@ -187,8 +188,9 @@ class Trial(documents.Document):
 class Trials(AbstractContextManager["Trials"]):
     """The finished trials of one model and target, in a file that stays open for more.
 
-    The file and its folder are made if they do not exist. Its first line has the conditions, every
-    other line a trial. A last line without an end, which a killed process left, is removed.
+    The file and its folder are made if they do not exist. The first line of the file has the
+    conditions, every other line a trial. A last line without an end, which a killed process left,
+    is removed. Leaving the context closes the file.
 
     Parameters
     ----------
@@ -212,9 +214,10 @@ class Trials(AbstractContextManager["Trials"]):
         self.path = path
         self.finished: dict[Place, Trial] = {}
         header = json.dumps(conditions, sort_keys=True)
-        # A new file has the header only.
+        # A new file has the line of the conditions only.
         lines = _whole_lines(path) or [header.encode()]
         stored = documents.parse(path, lines[0], documents.Document)
+        # By way of JSON, tuples become lists as in the file.
         require_same(path, stored.content(), json.loads(header))
         for number, line in enumerate(lines[1:], start=2):
             trial = documents.parse(f"{path}, line {number}", line, Trial)
@@ -250,7 +253,7 @@ class Trials(AbstractContextManager["Trials"]):
 
 
 def _whole_lines(path: Path) -> list[bytes]:
-    """Return the complete lines of a file without their ends; an empty list without the file."""
+    """Return the complete lines of a file, without line ends; an empty list if there is no file."""
     if not path.exists():
         return []
     # Whatever follows the last line end is not a complete line.
@@ -269,7 +272,7 @@ class FoldScore:
 def fit(training: Training, task: Task) -> list[Trial]:
     """Fit the candidates of a task, and score each of them on the fold that is left out.
 
-    If a fit of several candidates fails, they are fitted one by one.
+    If the fit that serves several candidates fails, each candidate is fitted by itself.
 
     Parameters
     ----------
@@ -281,8 +284,8 @@ def fit(training: Training, task: Task) -> list[Trial]:
     Returns
     -------
     list of Trial
-        One trial for each candidate. The trial of a candidate whose fit failed has the reason in
-        place of a score.
+        One trial for each candidate, in the order of the task. The trial of a candidate whose fit
+        failed has the reason in place of a score.
 
     Raises
     ------
@@ -339,17 +342,18 @@ def _scores(training: Training, task: Task, inside: Indices) -> list[FoldScore]:
         target=training.target[inside],
         test_inputs=training.inputs[outside],
     )
-    # The setting of which one fit serves all values; a baseline is fitted as it is.
+    # The setting for whose values one fit is enough; "", which no setting is called, without one.
     shared = ""
-    if not task.baseline:
+    if not task.baseline:  # A baseline is the only candidate of its fit.
         shared = model.shared
+    # All settings but this one are equal for the candidates of a task.
     common = {name: value for name, value in candidates[0].items() if name != shared}
     unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
     if shared in candidates[0]:
         values = [candidate[shared] for candidate in candidates]
         predictions = shared_predictions(model, unfitted, rows, shared, values)
     else:
-        # The only candidate, as candidates of one task differ in the shared setting only.
+        # There is one candidate, because candidates of a task differ in the shared setting only.
         arguments = training.fit_arguments(inside)
         fitted = unfitted.fit(rows.inputs, rows.target, **arguments)
         predictions = [fitted.predict(rows.test_inputs)]
@@ -379,7 +383,8 @@ def _score(truth: Values, prediction: Values) -> FoldScore:
     """Return R2 of predicted targets, (m,), against true ones, (m,), or why there is no score."""
     if not np.isfinite(prediction).all():
         return FoldScore(r2=None, failure="prediction not finite")
-    with np.errstate(over="ignore"):  # squares of diverged predictions
+    # Squares of predictions that diverged may overflow.
+    with np.errstate(over="ignore"):
         r2 = float(r2_score(truth, prediction))
     if LEAST_SCORE <= r2 < math.inf:  # False for NaN, too
         return FoldScore(r2=r2)
@@ -431,7 +436,7 @@ def shared_predictions(
         return kernel_ridge.predictions(
             inputs, rows.target, test_inputs, settings, values
         )
-    # The fit with the largest number of trees has the models with fewer trees in it.
+    # The first trees of the fit with the largest number are the models with fewer trees.
     estimator.set_params(**{name: max(values)}).fit(inputs, rows.target)
     predict_first = FIRST_TREES[model.name]
     return predict_first(estimator, test_inputs, values)
@@ -469,9 +474,10 @@ def _first_of_adaboost(
 ) -> list[Values]:
     """Predict m rows with the first trees of AdaBoost, (m,) for each number of trees.
 
-    A prediction is the weighted median of the trees, as in `AdaBoostRegressor.predict`. The
-    library's own `staged_predict` would compute every tree again for every number. If boosting has
-    ended early, numbers above that of all trees give the model of all trees.
+    A prediction is the weighted median of the trees' predictions, as in
+    `AdaBoostRegressor.predict`. The library's own `staged_predict` would compute every tree again
+    for every number. If boosting has ended early, a number above that of all trees gives the model
+    of all trees.
     """
     of_trees = _of_trees(estimator, inputs)
     rows = np.arange(len(inputs))
@@ -489,7 +495,8 @@ def _first_of_adaboost(
 
 def _of_trees(estimator: Any, inputs: Values) -> list[Values]:
     """Return the predictions of all trees of an ensemble of scikit-learn, (m,) each."""
-    single = np.asarray(inputs, dtype=np.float32)  # precision of the trees' thresholds
+    # The trees have their thresholds, and expect features, in single precision.
+    single = np.asarray(inputs, dtype=np.float32)
     return [tree.predict(single, check_input=False) for tree in estimator.estimators_]
 
 
@@ -499,7 +506,8 @@ FIRST_TREES: dict[str, Callable[[Any, Values, Sequence[int]], list[Values]]] = {
     "random-forest": _first_of_forest,
     "xgboost": _first_of_xgboost,
 }
-"""Functions that predict with the first trees of an ensemble, by its model.
+"""Functions that predict with the first trees of an ensemble, by the name of its model.
 
-They take a fitted estimator, features (m, d), and numbers of trees.
+They take a fitted estimator, features (m, d), and numbers of trees. They return predictions, (m,),
+for each of these numbers.
 """

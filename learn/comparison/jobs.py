@@ -51,14 +51,14 @@ from learn.split import FOLDS, Split
 class Repetitions:
     """Numbers of repetitions of an action, whose median time is reported."""
 
-    fewest: int  # smallest number, unless the action takes longer than `TOO_LONG`
-    largest: int  # largest number, for an action that takes less than `ENOUGH`
+    fewest: int  # smallest number, unless the repetitions take `TOO_LONG`
+    largest: int  # largest number, which is reached if the fewest take less than `ENOUGH`
 
 
 FITS = Repetitions(fewest=3, largest=7)
 TEST_PREDICTIONS = Repetitions(fewest=3, largest=9)  # predictions of the whole test set
 ROW_PREDICTIONS = Repetitions(fewest=5, largest=99)  # predictions of one row
-ENOUGH = 5.0  # time after which the fewest repetitions are enough [s]
+ENOUGH = 5.0  # time of all repetitions after which the fewest ones are enough [s]
 TOO_LONG = 300.0  # time after which no repetition is begun, even if there are too few [s]
 
 CHOSEN_BY_FIT = {"kernel": "kernel_", "iterations": "n_iter_"}
@@ -181,7 +181,7 @@ def _baselines(models: list[Model], features: str) -> list[TimedFit]:
 def _measure(
     target: Target, task: TimedFit, executor: Executor, say: Callable[[str], None]
 ) -> None:
-    """Fit and time a baseline on a worker, write its result, and print it by `say`."""
+    """Do one of the fits of `_baselines` on a worker, write its result, and print it by `say`."""
     training = target.training
     if task.kind == "library":
         # The time of these fits grows with the third power of the number of rows.
@@ -229,7 +229,7 @@ def tune(request: Request, executor: Executor) -> int:
             path = inside(target.folder.path, f"trials/{model.name}.jsonl")
             with Trials(path, conditions) as trials:
                 search = _search_of(target, model, trials, executor, stopping)
-                search.searches = len(searches)  # They share the budget.
+                search.searches = len(searches)  # All of them share the budget.
                 if math.isinf(until):  # There is time for the whole grid.
                     search.exhaust()
                 else:
@@ -323,10 +323,10 @@ def open_targets(
 
 
 def _training(request: Request, rows: Dataset, parts: Split) -> Training:
-    """Return the rows of a target.
+    """Return the training and test rows of a target.
 
-    The training targets are scaled, by their own values. The test targets keep the target's unit,
-    in which models are scored.
+    `scaling_of` scales the training targets, over these targets alone. The test targets keep the
+    target's unit, in which models are scored.
     """
     scaling = scaling_of(rows, parts.train, standard=rows.features.of_scene)
     return Training(
@@ -358,12 +358,13 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
     -------
     MeasuredFit
         Predictions, scores, and median times on one thread. If a fit or prediction raises an error,
-        there are none of these, and `failure` is the reason.
+        there are none of these, and `failure` is the reason; the error is not raised.
     """
     training = training.seen_by(task.model)
     unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
     restored = training.scaling.restored
     arguments = training.fit_arguments()
+    # A pipeline that is fitted again forgets the fit before.
     fit = partial(unfitted.fit, training.inputs, training.target, **arguments)
     failure = ""
     chosen: dict[str, str] = {}
@@ -402,11 +403,14 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
 
 
 def _chosen_by_fit(fitted: Any) -> dict[str, str]:
-    """Return values that the estimator of a fitted pipeline has chosen, by `CHOSEN_BY_FIT`."""
+    """Return values that the estimator of a fitted pipeline has chosen, by keys of `CHOSEN_BY_FIT`.
+
+    They are texts. Attributes that the estimator lacks are left out.
+    """
     chosen = {}
     for name, attribute in CHOSEN_BY_FIT.items():
         value = getattr(fitted.named_steps[STEP], attribute, None)
-        # Results state single values only.
+        # Results state single values only, and no array with a number for each output or stage.
         if value is not None and not isinstance(value, np.ndarray):
             chosen[name] = str(value)
     return chosen
@@ -422,14 +426,14 @@ def _times(
     """Return median times of a fitted pipeline's predictions, and of its fits.
 
     `fit` repeats the fit. `first_fit` is the time of the first fit [s], which was a warm-up: it is
-    reported only if the fit takes too long to be repeated. Repetitions end before the time `until`
-    of `time.time` [s].
+    reported only if the fit takes too long to be repeated. Repetitions of the fit end before the
+    time `until` of `time.time` [s]; those of predictions are short, and may end after it.
     """
     predict_test = partial(fitted.predict, training.test_inputs)
     predict_row = partial(fitted.predict, training.test_inputs[:1])
     test = repeated(predict_test, TEST_PREDICTIONS)
     row = repeated(predict_row, ROW_PREDICTIONS)
-    fits = repeated(fit, FITS, first_fit, until) or [first_fit]
+    fits = repeated(fit, FITS, before=first_fit, until=until) or [first_fit]
     return FitTimes(fit=median(fits), fits=len(fits), test=median(test), row=median(row))
 
 
@@ -456,9 +460,9 @@ def repeated(
     -------
     list of float
         Times of the repetitions [s]. There are `repetitions.largest`, or at least
-        `repetitions.fewest` if they take longer than `ENOUGH` together. There are fewer, even none,
-        if they and `before` take `TOO_LONG` or longer together, or if the next one might end after
-        `until`.
+        `repetitions.fewest` if they take longer than `ENOUGH` together. There are fewer, or none at
+        all, if `before` and the times of the repetitions add up to `TOO_LONG` or more, or if the
+        next repetition might end after `until`.
     """
     times: list[float] = []
     while len(times) < repetitions.largest and before + sum(times) < TOO_LONG:
@@ -512,16 +516,19 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
         _write_fault(folder, search.model, fault)
         return
     title = search.model.title
-    number = FOLDS * len(search.grid.differing)
-    for text, concerned in [*report.failures.items(), *report.remarks.items()]:
-        note(f"{title}: {concerned} of {number} scores: {text}")
+    scores_of_grid = FOLDS * len(search.grid.differing)
+    for text, concerned_scores in [*report.failures.items(), *report.remarks.items()]:
+        note(f"{title}: {concerned_scores} of {scores_of_grid} scores: {text}")
     write_fit(folder, task, search.training, result, note)
     if report.winner == "baseline":
         note(f"{title}: {WHY_BASELINE}")
 
 
 def _fit_of_winner(search: GridSearch, until: float) -> TimedFit:
-    """Return the fit of a search's winner, whose repetitions end before the time `until` [s]."""
+    """Return the fit of a search's winner, whose repetitions end before `until`.
+
+    `until` is a time of `time.time` [s]. The search must have a winner (`fault` is "").
+    """
     of_grid = search.winner in search.grid.differing
     settings = search.baseline or {}
     if of_grid:
@@ -538,7 +545,11 @@ def _fit_of_winner(search: GridSearch, until: float) -> TimedFit:
 
 
 def _is_stored(folder: Folder, task: TimedFit, report: SearchReport) -> bool:
-    """Return whether a folder has the result of a search with this report and this winner."""
+    """Return whether a folder has the result of a search with equal report and equal winner.
+
+    `task` is the fit of the winner, and `report` that of the search. Raises InputError if the
+    stored result is damaged.
+    """
     stored = folder.result("tuned", task.model)
     if stored is None or stored.search is None:
         return False
@@ -562,7 +573,7 @@ def write_fit(
     result: MeasuredFit,
     say: Callable[[str], None],
 ) -> None:
-    """Write and print the result of a fit.
+    """Write the result of a fit into the folder of a target, and print it.
 
     KIND/MODEL.csv has the predictions of the test rows, and KIND/MODEL.json the rest: settings,
     scores, times, warnings and the report of the search.
@@ -585,7 +596,7 @@ def write_fit(
     InputError
         If a file cannot be written.
     """
-    # Without scores there are no predictions, and the table has no rows.
+    # Without scores there are no predictions: `zip` ends at once, and the table has no rows.
     pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
     rows = [(row, truth, predicted) for row, (truth, predicted) in enumerate(pairs)]
     header = ("test_row", "truth", "prediction")
@@ -620,7 +631,7 @@ def write_fit(
 
 
 def _scores_entry(fit_scores: Scores | None) -> dict[str, float] | None:
-    """Return scores as the file of a result has them; None if the fit failed."""
+    """Return scores as the file of a result has them: by field [%]; None if the fit failed."""
     if fit_scores is None:
         return None
     return asdict(fit_scores)

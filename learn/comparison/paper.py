@@ -22,7 +22,8 @@ from learn.metrics import Scores
 Space = dict[str, list[Any]]
 """Values that a search tries, by the names of scikit-learn's settings."""
 
-SPACES: dict[str, Space] = {  # the grids of Table 2, by model
+# The grids of Table 2, by model.
+SPACES: dict[str, Space] = {
     "decision-tree": {
         "max_depth": [1, 8, 15, 22, 30],
         "max_features": [1.0, "sqrt", "log2", None],  # 1.0: the paper's auto
@@ -163,7 +164,7 @@ mlp               3.24  5.32 16.34 98.64 12.88 0.007 1.19 3.09  9.95 99.51 3435.
 """
 """The numbers of Tables 4 and 3, with a line for each model.
 
-After the name of the model there are six numbers of the baseline, and the same six of the tuned
+After the name of the model there are six numbers of the baseline, and then these six of the tuned
 model: nMSE, nMAE, nMaxE and R2 on the test rows [%], time of the fit [s], and time of predicting
 the whole test set [s]. The last number is the time of the grid search [s].
 """
@@ -172,7 +173,7 @@ TEST: dict[str, dict[str, Scores]] = {"baseline": {}, "tuned": {}}
 """Scores on the test rows, by kind of result and model [%]."""
 
 TIMES: dict[str, dict[str, tuple[float, float]]] = {"baseline": {}, "tuned": {}}
-"""Times of the fit and of predicting the whole test set, by kind of result and model [s]."""
+"""Time of the fit, then time of predicting the whole test set [s], by kind of result and model."""
 
 TUNING_SECONDS: dict[str, float] = {}
 """Times of the grid searches, by model [s]."""

@@ -83,7 +83,7 @@ def draw(tables: Tables) -> list[Path]:
     InputError
         If a picture cannot be written, or a table of predictions is missing or damaged.
     """
-    # Results with the libraries' own settings are not drawn.
+    # Results with the libraries' own settings, of the kind "library", are not drawn.
     rows = [row for row in tables.scored if row.kind in COLOURS]
     if not rows:
         return []
@@ -124,7 +124,9 @@ def _parity(tables: Tables, rows: list[TableRow]) -> Any:
     columns = min(3, len(models))
     lines = -(-len(models) // columns)  # rounded up
     figure = new_figure(3.6 * columns, 3.5 * lines)
+    # A single panel is no array.
     axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
+    # The last line may have more panels than there are models left.
     for model, axis in zip(models, axes, strict=False):
         kinds = [row.kind for row in rows if row.model == model]
         # All kinds have the same test rows, so the truth of the first one gives the axes.
@@ -149,9 +151,9 @@ def _parity(tables: Tables, rows: list[TableRow]) -> Any:
 
 
 def _bars(rows: list[TableRow], columns: list[str]) -> Any:
-    """Return a figure of bars, with a panel for each of some columns of `PANELS`.
+    """Return a figure of bars, with a panel for each of the columns, which are keys of `PANELS`.
 
-    A panel has two bars for each model, for its baseline and its tuned result.
+    A panel has two bars for each model, one for its baseline and one for its tuned result.
     """
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(columns))
     axes = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
@@ -179,17 +181,20 @@ def _draw_panel(axis: Any, rows: list[TableRow], column: str) -> None:
 
 
 def _draw_bars(axis: Any, places: list[float], rows: list[TableRow], column: str) -> None:
-    """Draw bars with their intervals for results of one kind, at a place for each result."""
+    """Draw the bars of results of one kind for a column of `PANELS`, with their intervals.
+
+    `places` are the places of the bars on the axis of the models, one for each result.
+    """
     bars = [_bar(row, column) for row in rows]
     heights = np.array([bar.height for bar in bars])
     ends = np.array([[bar.height, bar.low, bar.high] for bar in bars])
-    # Distances of both ends of the intervals from the heights, (2, bars). With the height itself
-    # among the ends, no distance is negative if the height is outside of its interval.
+    # Distances of both ends of the intervals from the heights, (2, bars), which may not be
+    # negative. The height itself is among the ends, because it may be outside of its interval.
     reach = np.array([heights - ends.min(axis=1), ends.max(axis=1) - heights])
     errors = None
     if np.any(reach):
         errors = reach.tolist()  # NumPy 2.1 warns of an array here.
-    drawn = axis.bar(
+    drawn_bars = axis.bar(
         places,
         heights,
         BAR_WIDTH,
@@ -199,14 +204,14 @@ def _draw_bars(axis: Any, places: list[float], rows: list[TableRow], column: str
         ecolor="0.2",
         capsize=2,
     )
-    axis.bar_label(drawn, fmt="{:.3g}", fontsize=7)
+    axis.bar_label(drawn_bars, fmt="{:.3g}", fontsize=7)
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar with the interval of its number; all three are equal for a number without interval."""
+    """A bar with the interval of its height; all three are equal for a height without interval."""
 
-    height: float
+    height: float  # score [%] or time [s]
     low: float  # one end of the interval
     high: float  # other end of the interval, which may be the smaller one
 
@@ -214,7 +219,7 @@ class Bar:
 def _bar(row: TableRow, column: str) -> Bar:
     """Return the bar of a result that has scores, for a score [%] or a time [s].
 
-    The bar of R2 is its distance to 100 %, because bars of R2 of good models look alike.
+    The height for R2 is its distance to 100 %, because bars of R2 of good models look alike.
     """
     if column in TIMES:
         seconds = float(getattr(row.result.times, TIMES[column]))

@@ -66,8 +66,9 @@ def show(tables: Tables) -> None:
 def _line_of_scores(row: TableRow, target: str) -> list[str]:
     """Return the cells of a result in the table of scores and times.
 
-    A cell of a score has the paper's score in brackets and the interval on a second line, if there
-    are such numbers. The line of a fit that failed ends with "failed".
+    A cell of a score has our score, the paper's score in brackets, and the interval on a second
+    line; the paper's score and the interval are left out if they are None. A result without scores
+    has three cells only, the last of which is "failed".
     """
     kind = kind_text(row.model, row.kind)
     if row.is_baseline_that_won:
@@ -111,7 +112,8 @@ def _show_searches(tables: Tables) -> None:
 def _line_of_search(row: TableRow, target: str) -> list[str]:
     """Return the cells of a tuned model in the table of searches.
 
-    A search without a winner has its model and the beginning of the reason only.
+    A search without a winner has three cells only: its model, no grid, and the reason up to its
+    first colon.
     """
     search = row.search
     if search is None:
@@ -141,14 +143,14 @@ def _line_of_search(row: TableRow, target: str) -> list[str]:
 
 
 def _percent_text(value: object) -> str:
-    """Write a number [%] with two decimals; "" for a cell that is missing."""
+    """Write a number [%] with two decimals; "" for None, which stands for a missing cell."""
     if isinstance(value, int | float):
         return f"{value:.2f}"
     return ""
 
 
 def _seconds_text(value: float | None) -> str:
-    """Write a time [s] with three digits, or in whole seconds from 1000 s; "" for None."""
+    """Write a time [s]: three digits below 1000 s, whole seconds above; "" for None."""
     if value is None:
         return ""
     if value >= 1000:
@@ -159,8 +161,8 @@ def _seconds_text(value: float | None) -> str:
 def _remarks(tables: Tables) -> Iterator[str]:
     """Yield the lines below the tables.
 
-    They are warnings of models that are no better than a constant, remarks on single results, and
-    the model with the smallest nMAE if there are several models.
+    They are warnings of results that are no better than a constant, remarks on single results, and
+    the result with the smallest nMAE if there are results of several models.
     """
     features = tables.comparison.conditions.features
     for useless in no_better_than_constant(tables):
@@ -186,9 +188,10 @@ def _nmae(row: TableRow) -> float:
 
 
 def _remarks_on_result(row: TableRow, features: str) -> Iterator[str]:
-    """Yield the reason why a result has no scores, or remarks on its kind or its search.
+    """Yield remarks on one result.
 
-    `features` is the name of the feature set.
+    They are the reason why it has no scores, the meaning of its kind, or the outcome of its search.
+    An ordinary baseline has none. `features` is the name of the feature set.
     """
     search = row.search
     if row.result.failure:
@@ -213,11 +216,12 @@ def _remarks_on_result(row: TableRow, features: str) -> Iterator[str]:
 def _remarks_on_ends(row: TableRow, search: SearchReport, features: str) -> Iterator[str]:
     """Yield remarks on settings of a winner that are outside the grid, or at an end of all values.
 
-    `features` is the name of the feature set.
+    All values are those of the grid and those that the search tried beyond its ends. `features` is
+    the name of the feature set.
     """
     values = space_of(row.model, features).values
     for name, value in row.result.settings.items():
-        # A setting without values in the grid is never outside of it.
+        # A setting that the grid does not have is not outside the grid.
         values_of_grid = values.get(name, [value])
         is_number = isinstance(value, int | float)
         if is_number and value not in values_of_grid:

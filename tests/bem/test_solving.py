@@ -103,6 +103,12 @@ def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved():
     assert [contact.delta for contact in rungs] == [0.02]
 
 
+@pytest.mark.parametrize("name", ["near", "moduls", "force"])
+def test_a_ladder_refuses_unknown_arguments_at_once(name):
+    with pytest.raises(TypeError, match=rf"^ladder\(\) takes no argument {name}: "):
+        bem.ladder(ROUGH, 1000.0, [0.01, 0.02], **{name: 1.0})
+
+
 def test_a_residual_that_is_no_number_is_refused(monkeypatch):
     monkeypatch.setattr(
         import_module("bem.solving"), "_violation", lambda contact: np.nan
