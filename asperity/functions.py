@@ -102,7 +102,9 @@ class Inputs:
         drawn = [
             name for name, value in scene.drawn_parameters.items() if is_drawn(value)
         ]
-        hardness = "hardness" if scene.contact.draws_hardness else ""
+        hardness = ""
+        if scene.contact.draws_hardness:
+            hardness = "hardness"
         return cls(parameters=tuple(drawn), load=scene.quantity, hardness=hardness)
 
     @property
@@ -111,7 +113,9 @@ class Inputs:
 
         The quantity of a relative load, as "delta/height_rms", cannot be a name in Python.
         """
-        return self.load if self.load.isidentifier() else "load"
+        if self.load.isidentifier():
+            return self.load
+        return "load"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -127,8 +131,10 @@ class Inputs:
 
         The parameters are one vector, if there are any. Load and hardness have one each.
         """
-        sizes = [len(self.parameters)] if self.parameters else []
-        sizes.append(1)
+        sizes = []
+        if self.parameters:
+            sizes.append(len(self.parameters))
+        sizes.append(1)  # the load
         if self.hardness:
             sizes.append(1)
         return sizes
@@ -857,8 +863,10 @@ def _inputs_of_surfaces(surrogate: "Surrogate", scene: Scene) -> Inputs:
     if inputs.load.startswith(load):
         load = inputs.load
     limits = surrogate.hardness_limits
-    varies = limits is not None and limits[0] < limits[1]
-    return replace(inputs, load=load, hardness="hardness" if varies else "")
+    hardness = ""
+    if limits is not None and limits[0] < limits[1]:
+        hardness = "hardness"
+    return replace(inputs, load=load, hardness=hardness)
 
 
 def _output(prediction: "Prediction", output: SurrogateOutput) -> Values:

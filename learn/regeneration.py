@@ -423,10 +423,10 @@ def _values(
 ) -> Values:
     """Return the columns of `HYBRID` for a surface and, under pressures, the Delta of the solve.
 
-    They are (18,) or (19,). They are NaN if the load is not above 0, a statistic is undefined or
-    the coarse solve fails. Under pressures there are two solves: if only the second one fails, the
-    Delta of the first one is kept. The load is Delta or, under pressures, the length of
-    `by_pressure` [um]; `ratio` is the hardness over E*, None for elastic bodies.
+    The array is (18,) or, under pressures, (19,). Its numbers are NaN if the load is not above 0, a
+    statistic is undefined or the coarse solve fails. Under pressures there are two solves: if only
+    the second one fails, the Delta of the first one is kept. The load is Delta or, under pressures,
+    the length of `by_pressure` [um]; `ratio` is the hardness over E*, None for elastic bodies.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
     try:

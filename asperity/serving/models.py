@@ -125,7 +125,9 @@ class SolverModel:
 
     def _function(self, config: Configuration) -> SceneFunction:
         """Return the function with the outputs that a client wants."""
-        return self._with_stiffness if config.stiffness else self._usual
+        if config.stiffness:
+            return self._with_stiffness
+        return self._usual
 
 
 class SurrogateModel:
@@ -177,7 +179,9 @@ class SurrogateModel:
         list of int
             4 for each target with its interval, or 2 without.
         """
-        size = 4 if config.interval else 2
+        size = 2
+        if config.interval:
+            size = 4
         return [size] * len(self._targets)
 
     def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:

@@ -90,7 +90,7 @@ class Surrogate:
     low, high : ndarray, shape (d,)
         Smallest and largest value of each feature in the training.
     distance : Distance
-        Measures distances from the training.
+        Measure of distances from the training, with the limit of the flag.
     training : Training
         The facts about the training that predictions need: features, E*, hardness, boundary, grids.
         It is made from the other attributes.
