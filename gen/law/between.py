@@ -168,7 +168,7 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     Curves or None
         The further contacts; None without any.
     """
-    if not table.conducting:
+    if not table.conductance_name:
         return solve_between(table, nodes, solve)
     between = solve_between(table, nodes, solve, rounds=LINE_ROUNDS)
     if between is None:
@@ -194,9 +194,9 @@ def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values
     at loads of the law, (k,).
     """
     pressures = solved.at
-    conductances = solved.curves[solved.conducting].value
+    conductances = solved.curves[solved.conductance_name].value
     close = in_range(solved, nodes)
-    at_rest = solved.at_rest.get(solved.conducting, 0.0)
+    at_rest = solved.at_rest.get(solved.conductance_name, 0.0)
     # First touch, at a pressure of 0, comes before the contacts.
     column = Column.through(
         at=np.append(0.0, pressures),
@@ -264,7 +264,7 @@ def _missed(solved: Curves, contacts: Curves) -> Values:
         foreseen = curve_through(closures[kept], solved.at[kept])
         at = contacts.curves[CLOSURE.in_laws].value
         missed = np.maximum(missed, np.abs(foreseen(at) / contacts.at - 1))
-    if name := solved.conducting:
+    if name := solved.conductance_name:
         foreseen = curve_through(solved.at, solved.curves[name].value, power_law=True)
         values = contacts.curves[name].value
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -286,7 +286,7 @@ def merged(first: Curves, second: Curves) -> Curves:
     -------
     Curves
         The table at the arguments of both, with the quantities that both have. Values of single
-        surfaces and `grid` are dropped.
+        surfaces and `unresolved` are dropped.
     """
     at = np.append(first.at, second.at)
     order = np.argsort(at, kind="stable")
@@ -303,7 +303,7 @@ def merged(first: Curves, second: Curves) -> Curves:
         outside=np.append(first.outside, second.outside)[order],
         reasons=tuple(reasons[order]),
         flagged=np.append(first.flagged, second.flagged)[order],
-        grid=(),
+        unresolved=(),
     )
 
 

@@ -319,7 +319,8 @@ def _table(
     table = tabulated(
         ARGUMENTS[load], loads, parts, order.coverage, mean_at_rest(at_rest)
     )
-    return replace(table, grid=parts[0].grid)  # judged on the first surface alone
+    # The grid is judged on the first surface alone.
+    return replace(table, unresolved=parts[0].unresolved)
 
 
 def _without_reversals(points: Points) -> Points:

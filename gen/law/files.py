@@ -344,7 +344,7 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
         "gap_at_rest_um": table.at_rest[MEAN_GAP.in_laws],
         "share_of_surfaces_outside_the_training": table.outside.tolist(),
         "reasons": list(table.reasons),
-        "grid": list(table.grid),
+        "grid": list(table.unresolved),
         "curves": curves,
     }
 
@@ -432,7 +432,7 @@ def _panels(curves: Curves) -> list[Panel]:
     """
     closure = Panel(curve=curves.curves[CLOSURE.in_laws], label=CLOSURE.label)
     panels = [closure, drawn_area(curves)]
-    name = curves.conducting or STIFFNESS.in_laws
+    name = curves.conductance_name or STIFFNESS.in_laws
     if name in curves.curves:
         panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
     return panels
