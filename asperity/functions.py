@@ -205,7 +205,7 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
     inputs : Inputs
         Names of the numbers of the points: parameters, load and hardness.
     points : Points
-        The points, one or more.
+        The points; if there are none, nothing is yielded.
 
     Yields
     ------
