@@ -284,8 +284,11 @@ def _draw_grid(random: np.random.Generator, *nodes: int) -> _Grid:
 
 
 def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
-    """Draw self-affine waves on a periodic patch, `aspect` times as long along y as along x."""
-    grid = _draw_grid(random, 64, 96, 128, 129)
+    """Draw self-affine waves on a periodic square patch.
+
+    A wave along y is `aspect` times as long as the wave of the same amplitude along x.
+    """
+    grid = _draw_grid(random, 64, 96, 128, 129)  # one of these numbers of nodes a side
     hurst = random.uniform(0.2, 0.9)
     longest = int(random.choice([1, 2]))
     surface = random_waves(longest, grid.shortest_waves, hurst, random, aspect)

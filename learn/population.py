@@ -809,10 +809,12 @@ def _with_likeliest_size(
 ) -> LikelyCorrelation:
     """Return the correlation of three settings, with the most likely size of a scatter, (n,).
 
-    Takes the inputs of the rows, (n, d), and the positions of the rows of each surface, from
-    `_blocks`. The settings, (3,), are numbers without bounds, as a minimiser needs them: the logit
-    of the share that is independent for each row, the logarithm of the length, and the logit of the
-    power less 1.
+    Takes the inputs of the rows, (n, d), and the blocks of `_blocks`. A block is an array, (b, k):
+    the positions of the rows of b surfaces, or pieces of surfaces, of k rows each.
+
+    The settings, (3,), are numbers without bounds, as a minimiser needs them: the logit of the
+    share that is independent for each row, the logarithm of the length, and the logit of the power
+    less 1.
     """
     logit_separate, log_length, logit_power = settings
     above_smallest = (1 - SMALLEST_SEPARATE) * float(expit(logit_separate))
@@ -824,7 +826,8 @@ def _with_likeliest_size(
     squares = 0.0  # sum of the squares of the whitened scatter
     log_determinant = 0.0  # of the Cholesky factors of all surfaces
     for block, root in zip(blocks, correlation.roots(X, blocks), strict=True):
-        whitened = np.linalg.solve(root, scatter[block][:, :, None])
+        of_surfaces = scatter[block]  # (b, k); the root is (b, k, k)
+        whitened = np.linalg.solve(root, of_surfaces[:, :, None])
         squares += np.square(whitened).sum()
         log_determinant += np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
     size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))
