@@ -230,7 +230,7 @@ def _with_conductance(table: Curves, order: Order, bodies: Bodies) -> Curves:
 
 
 def _few_nodes(over_pressure: Curves, nodes: int) -> str:
-    """Say up to which pressure fewer than `FEW` nodes touch; "" if more touch at all pressures.
+    """Say up to which pressure fewer than `FEW` nodes touch; "" if no pressure has so few.
 
     `nodes` is the number of nodes of the smallest surface. `over_pressure` has the area [%] against
     the pressure [MPa].
@@ -390,8 +390,8 @@ def _below_hardness(pressures: Values, bodies: Bodies) -> Values:
 def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
     """Return a law with contacts between the points of the tables that its order names.
 
-    If only contacts between the pressures are wanted, they are for tables of finite elements.
-    These have neither an area in the continuum nor apertures, which are not computed then.
+    If the order names the table over pressure alone, the contacts are for tables of finite
+    elements, which have neither the area in the continuum nor apertures. Neither is computed then.
     """
     order = law.order
     over_delta = "delta" in order.between
