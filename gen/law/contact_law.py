@@ -230,7 +230,7 @@ def _with_conductance(table: Curves, order: Order, bodies: Bodies) -> Curves:
 
 
 def _few_nodes(over_pressure: Curves, nodes: int) -> str:
-    """Say up to which pressure fewer than `FEW` nodes touch; "" if more touch at all pressures.
+    """Say up to which pressure fewer than `FEW` nodes touch; "" if no pressure has so few.
 
     `nodes` is the number of nodes of the smallest surface. `over_pressure` has the area [%] against
     the pressure [MPa].

@@ -661,7 +661,7 @@ def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
     values : ndarray, shape (k,)
         Numbers in any order.
     apart : float
-        Relative distance by which a value has to be above the last one found.
+        Relative distance by which a value has to be above the last value that was found.
 
     Returns
     -------

@@ -466,11 +466,11 @@ def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
 def _mark_area_of_nodes(
     axis: Any, pressures: Values, panel: Panel, drawn: NDArray[np.bool_]
 ) -> None:
-    """Mark with circles the points at which the area of the nodes replaces that in the continuum.
+    """Mark with circles the points whose area is that of the nodes, not that in the continuum.
 
-    These are the areas at loads where the grid does not resolve the contact. A point at 0 MPa is
-    not marked. `pressures` are those of the panel, (k,) [MPa]. `drawn` is True at its points that
-    are drawn, (k,).
+    At their loads, the grid does not resolve the contact. A point at 0 MPa is not marked.
+    `pressures` are the pressures of the points of the panel, (k,) [MPa]. `drawn` is True at the
+    points that are drawn, (k,).
     """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():

@@ -390,7 +390,7 @@ def _step_in_words(
 ) -> str:
     """Write the line for `Topography.steps` about how the second map was added to the first.
 
-    `turned` and `shift` are those of `composite`.
+    `turned` and `shift` are the arguments of `composite`.
     """
     turn = "not turned over"
     if turned != "none":

@@ -302,8 +302,8 @@ def with_code_warnings(topography: Topography) -> Topography:
 def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:
     """Return the warning for a code below or above all other heights.
 
-    `kept` are the heights of all nodes without a code [um], and `bounds` those of the mask that is
-    advised.
+    `kept` are the heights of all nodes without a code [um]. `bounds` are the bounds of the mask
+    that is advised, as `mask_bounds` writes them.
     """
     span = f"{kept.min():.6g} to {kept.max():.6g} um"
     if code.number >= FEWEST_SHARED:
