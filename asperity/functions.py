@@ -1,12 +1,12 @@
 """Contact as a function of numbers, which takes keyword arguments and returns an array.
 
 Codes that ask many questions, for uncertainty, sensitivity, calibration or optimisation, call a
-Python function with a value of each of their parameters. Here are two of them: `SceneFunction` is
-the solver on the surfaces of a scene, with the number of nodes as its fidelity, and
-`SurrogateFunction` is a surrogate. `asperity serve` answers with the same objects. Points of a call
-that share a surface make it once, and a surrogate predicts all points of a call together. No call
-changes the answers of a later one: threads may share a function, and a copy that was pickled gives
-the same answers.
+Python function with a value of each of their parameters. This module has two classes of these
+functions: `SceneFunction` is the solver on the surfaces of a scene, with the number of nodes as its
+fidelity, and `SurrogateFunction` is a surrogate. `asperity serve` answers with them. A surface that
+several points of a call share is made once, and a surrogate predicts all points of a call together.
+No call changes the answers of a later one: threads may share a function, and a pickled copy gives
+equal answers.
 """
 
 import math
@@ -51,10 +51,10 @@ SOLVER_OUTPUTS = (
 """Names of the outputs that the solver can give: columns with one number for each contact."""
 
 STEP = 1e-4
-"""Step over the value of an input, in the differences that give a surrogate's gradient."""
+"""Relative step of an input, in the differences that give a surrogate's gradient."""
 
 SURFACES = 2**32
-"""Number of indices that surfaces can have, from 0."""
+"""Number of indices of surfaces; the largest index is one less."""
 
 COVERAGE = Range(0, 1, "a coverage between 0 and 1, as 0.9")
 """Levels of intervals that are allowed, with the words of an error."""
@@ -102,8 +102,10 @@ class Inputs:
         drawn = [
             name for name, value in scene.drawn_parameters.items() if is_drawn(value)
         ]
-        hardness = "hardness" if scene.contact.draws_hardness else ""
-        return cls(tuple(drawn), scene.quantity, hardness)
+        hardness = ""
+        if scene.contact.draws_hardness:
+            hardness = "hardness"
+        return cls(parameters=tuple(drawn), load=scene.quantity, hardness=hardness)
 
     @property
     def load_name(self) -> str:
@@ -111,7 +113,9 @@ class Inputs:
 
         The quantity of a relative load, as "delta/height_rms", cannot be a name in Python.
         """
-        return self.load if self.load.isidentifier() else "load"
+        if self.load.isidentifier():
+            return self.load
+        return "load"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -127,8 +131,10 @@ class Inputs:
 
         The parameters are one vector, if there are any. Load and hardness have one each.
         """
-        sizes = [len(self.parameters)] if self.parameters else []
-        sizes.append(1)
+        sizes = []
+        if self.parameters:
+            sizes.append(len(self.parameters))
+        sizes.append(1)  # the load
         if self.hardness:
             sizes.append(1)
         return sizes
@@ -141,7 +147,7 @@ class Points:
     Attributes
     ----------
     numbers : mapping of str to ndarray, shape (n,)
-        The values of each keyword argument by its name.
+        Values of each of `Inputs.names` by its name.
     surface : ndarray of int, shape (n,)
         Index of the surface of each point, which decides the surface's random numbers.
     nodes : int, list of int or None
@@ -199,7 +205,7 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
     inputs : Inputs
         Names of the numbers of the points: parameters, load and hardness.
     points : Points
-        The points.
+        The points; if there are none, nothing is yielded.
 
     Yields
     ------
@@ -224,9 +230,10 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
         fixed = scene.with_parameters(parameters, nodes=points.nodes, seed=points.seed)
         heights = surface_numbered(fixed, int(points.surface[first]))
         given_loads = points.numbers[inputs.load_name][places]
+        # A surrogate may have learnt another load than the scene's, which is absolute already.
         kind: str = inputs.load
         loads = given_loads
-        # Another load than the scene's, which a surrogate may have learnt, is absolute already.
+        # The scene's load may be relative to the heights of the surface.
         if inputs.load == fixed.quantity:
             kind, loads = absolute_load(fixed, heights, given_loads)
         hardness: Values | None = None
@@ -254,9 +261,9 @@ def _require_positive(inputs: Inputs, points: Points) -> None:
 
 
 def _points_by_surface(inputs: Inputs, points: Points) -> list[Indices]:
-    """Return the places of the points of each surface, in the order of their first points.
+    """Return the places of the points of each surface, (k,) each, by the surface's first point.
 
-    Points with the same parameters and the same index have the same surface.
+    Points with equal parameters and equal index share a surface. Without points the list is empty.
     """
     if not points.surface.size:
         return []
@@ -265,8 +272,8 @@ def _points_by_surface(inputs: Inputs, points: Points) -> list[Indices]:
     _, group, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     # A stable sort keeps the points of each group in their order.
     places = np.argsort(group.ravel(), kind="stable")
-    groups = np.split(places, np.cumsum(sizes)[:-1])
-    return sorted(groups, key=lambda of_surface: int(of_surface[0]))
+    places_of_groups = np.split(places, np.cumsum(sizes)[:-1])
+    return sorted(places_of_groups, key=lambda places: int(places[0]))
 
 
 class Function(ABC):
@@ -306,7 +313,7 @@ class Function(ABC):
         ----------
         surface : int or array of int
             Index of the surface, which decides its random numbers.
-        nodes : int or pair of int, optional
+        nodes : int or sequence of two int, optional
             Nodes along both axes, or along x and y: the fidelity. By default those of the scene.
         seed : int, optional
             Seed of the surfaces; that of the scene if left out.
@@ -345,7 +352,7 @@ class Function(ABC):
         seed: int | None = None,
         **numbers: float,
     ) -> Values:
-        """Compute the derivatives that are cheap, of outputs by inputs; all others are NaN.
+        """Compute the derivatives of outputs by inputs that are cheap; all others are NaN.
 
         The solver has the derivatives of force and Delta by the load, from one linear solve. A
         surrogate has the derivatives of all outputs but `inside`, from differences.
@@ -376,7 +383,7 @@ class Function(ABC):
 
     @abstractmethod
     def _slopes(self, point: Points) -> Values:
-        """Return the derivatives of `gradient` at the only point, (outputs, inputs)."""
+        """Return the derivatives of `gradient`, (outputs, inputs); `point` is a single point."""
 
     def _points(
         self,
@@ -387,7 +394,10 @@ class Function(ABC):
     ) -> tuple[Points, tuple[int, ...]]:
         """Check the arguments of a call; return its points, and the shape of its arrays.
 
-        Raises InputError for arguments that are not allowed.
+        The n points are the places of arrays that are broadcast to this shape. InputError is raised
+        for a name that is missing or unknown, for values that are no real numbers, for an index of
+        a surface that is not allowed, and for arrays that do not broadcast. Other arguments are
+        not checked here.
         """
         if numbers.keys() != set(self.names):
             passed = ", ".join(numbers) or "nothing"
@@ -410,7 +420,7 @@ class Function(ABC):
 def _broadcast_shape(arrays: Mapping[str, Values]) -> tuple[int, ...]:
     """Return the shape to which the arrays of a call are broadcast.
 
-    Raises InputError, with the shapes of the arrays, if there is none.
+    Raises InputError, with the shapes of the arrays, if they do not broadcast.
     """
     try:
         return np.broadcast_shapes(*(array.shape for array in arrays.values()))
@@ -443,10 +453,12 @@ class SceneFunction(Function):
     scene : Scene or str
         A scene, the name of a shipped one, or the path of a TOML file.
     outputs : sequence of str
-        Columns of a database: area_percent, force, delta, or others as mean_gap, stiffness,
-        continuum_area_percent or hydraulic_aperture_x.
+        Names from `SOLVER_OUTPUTS`, which are columns of a database: area_percent, force, delta, or
+        others as mean_gap, stiffness, continuum_area_percent or hydraulic_aperture_x. By default
+        the first three.
     trust : bool
-        True to run the Python function that the scene names for its surfaces.
+        True to run the Python function that the scene names for its surfaces. A scene with such a
+        function is refused otherwise, unless the command line trusts it.
 
     Raises
     ------
@@ -462,7 +474,8 @@ class SceneFunction(Function):
         with self._trusted():
             if isinstance(scene, str):
                 scene = load(scene)
-            # The text has the parameters in alphabetical order, as the scene of a surrogate.
+            # By way of its text, the scene has its parameters in alphabetical order, as the scene
+            # in the file of a surrogate has.
             self.scene = Scene.from_text(completed(scene).text())
         self.inputs = Inputs.of(self.scene)
 
@@ -478,7 +491,7 @@ class SceneFunction(Function):
         return answers
 
     def _slopes(self, point: Points) -> Values:
-        """Return derivatives of force and Delta by the load, (outputs, inputs); see `gradient`.
+        """Return derivatives of force and Delta by the load, (outputs, inputs); others are NaN.
 
         The load of the call may be a pressure, or relative to the surface. It is proportional to
         Delta or to the force, and the derivatives by it follow from those by Delta or by the force.
@@ -489,12 +502,14 @@ class SceneFunction(Function):
             stiffness = contact.loading_stiffness  # dF / dDelta [uN / um]
         load = float(surface.loads[0])
         if surface.kind == "pressure":
-            # area of the patch [um2]
-            patch = math.prod(contact.problem.spacing) * contact.pressure.size
-            load *= patch  # the force [uN] of this pressure
-        # Derivative of Delta [um] or of the force [uN] by the load of the call.
+            patch_area = (
+                math.prod(contact.problem.spacing) * contact.pressure.size
+            )  # [um2]
+            load *= patch_area  # the force [uN] of this pressure
+        # Derivative of Delta [um] or of the force [uN] by the load of the call. Both are
+        # proportional to it.
         per_input = load / float(point.numbers[self.inputs.load_name][0])
-        if contact.problem.delta is None:  # the load is a force or a pressure
+        if contact.problem.delta is None:  # The load is a force or a pressure.
             slope_of_force = per_input
             slope_of_delta = per_input / stiffness
         else:
@@ -511,7 +526,7 @@ class SceneFunction(Function):
 
     @contextmanager
     def _trusted(self) -> Iterator[None]:
-        """Let the function that the scene names run in the block, if this object trusts it."""
+        """Let the function that the scene names run in this context, if this object trusts it."""
         token = TRUSTED.set(self._trust)
         try:
             yield
@@ -532,7 +547,7 @@ def _require_available(
 
 
 def _solved(surface: OneSurface, number: int) -> bem.Contact:
-    """Solve the contact of a surface at the load of one of its points, 0 for the first."""
+    """Solve the contact of a surface at one of its points; `number` is 0 for the first point."""
     hardness: float | None = None
     if surface.hardness is not None:
         hardness = float(surface.hardness[number])
@@ -542,7 +557,7 @@ def _solved(surface: OneSurface, number: int) -> bem.Contact:
 
 @contextmanager
 def _solver_errors() -> Iterator[None]:
-    """Raise errors of the solver in the block as InputError, or as `Unsolved`.
+    """Turn errors of the solver in this context into InputError or `Unsolved`.
 
     Numbers whose products double precision cannot hold are an InputError. No solution, no
     convergence, arithmetic that fails and too little memory are `Unsolved`.
@@ -575,15 +590,15 @@ def _outputs_of(surrogate: "Surrogate") -> dict[str, SurrogateOutput]:
     from learn.models import POPULATION
 
     outputs = {target: SurrogateOutput(target) for target in surrogate.learnt}
-    further_outputs = {"inside": SurrogateOutput("")}
+    further_outputs = {"inside": SurrogateOutput(target="")}
     for target in surrogate.learnt:
-        further_outputs[f"{target}_low"] = SurrogateOutput(target, "low")
-        further_outputs[f"{target}_high"] = SurrogateOutput(target, "high")
+        further_outputs[f"{target}_low"] = SurrogateOutput(target, end="low")
+        further_outputs[f"{target}_high"] = SurrogateOutput(target, end="high")
         if surrogate.features.of_scene:
             further_outputs[f"{target}_mean"] = SurrogateOutput(target, mean=True)
         if surrogate.card["model"] == POPULATION.name:
-            low = SurrogateOutput(target, "low", mean=True)
-            high = SurrogateOutput(target, "high", mean=True)
+            low = SurrogateOutput(target, end="low", mean=True)
+            high = SurrogateOutput(target, end="high", mean=True)
             further_outputs[f"{target}_mean_low"] = low
             further_outputs[f"{target}_mean_high"] = high
     for name, output in further_outputs.items():
@@ -596,7 +611,7 @@ class RowsOfPoints:
     """The rows to predict for the n points of a call, surface by surface."""
 
     rows: "Rows"
-    places: Indices  # (n,), place of each row's point in the call
+    places: Indices  # (n,), place of each row's point among the points of the call
 
 
 @dataclass(frozen=True, eq=False)
@@ -627,8 +642,9 @@ class SurrogateFunction(Function):
         "area_mean_high". By default all targets.
     outside : {"warn", "nan", "raise"}
         What to do with points outside the training: "warn" answers them, and the first call with
-        such a point gives an `OutsideTraining` warning; "nan" answers them with NaN; "raise"
-        refuses them. Intervals do not hold there: their ends are NaN.
+        such a point gives an `OutsideTraining` warning; "nan" answers them with NaN, but for
+        "inside"; "raise" refuses them with an InputError. Intervals do not hold outside: their ends
+        are NaN.
     level : float, optional
         Coverage of the intervals. By default 0.9, or the largest level below it that the surrogate
         reaches.
@@ -698,6 +714,7 @@ class SurrogateFunction(Function):
     def _slopes(self, point: Points) -> Values:
         """Return central differences of the predictions, (outputs, inputs); see `gradient`."""
         numbers = {name: float(values[0]) for name, values in point.numbers.items()}
+        # An input of 0 has the step of an input of 1.
         steps = {name: STEP * (abs(number) or 1.0) for name, number in numbers.items()}
         # The point itself, then two neighbours for each input: above and below.
         neighbours = [numbers]
@@ -715,11 +732,14 @@ class SurrogateFunction(Function):
         derivatives = (above - below) / widths[:, None]
         is_flag = [output.target == "" for output in self._descriptions]
         derivatives[:, is_flag] = np.nan
-        # So far there is one row for each input; `_withheld` takes a reason for each row.
+        # Before `.T` there is a row for each input; `_withheld` takes a reason for each row.
         return self._withheld(derivatives, reasons_of_point * len(steps)).T
 
     def _predicted(self, points: Points) -> PredictedPoints:
-        """Predict the n points of a call; intervals are computed only if an output needs them."""
+        """Predict the n points of a call, inside the training or not.
+
+        Intervals are computed only if an output needs them.
+        """
         question = self._rows(points)
         needs_ends = any(out.end and not out.mean for out in self._descriptions)
         needs_ends_of_mean = any(out.end and out.mean for out in self._descriptions)
@@ -738,7 +758,7 @@ class SurrogateFunction(Function):
             outputs[places, column] = _output(source, output)
         reasons = np.empty(places.size, dtype=object)
         reasons[places] = prediction.reasons
-        return PredictedPoints(outputs, reasons.tolist())
+        return PredictedPoints(outputs=outputs, reasons=reasons.tolist())
 
     def _rows(self, points: Points) -> RowsOfPoints:
         """Return the rows to predict for the n points of a call.
@@ -752,22 +772,21 @@ class SurrogateFunction(Function):
                 raise InputError(
                     "config: the surrogate answers for all surfaces of the parameters"
                 )
-            names = dict(zip(self.names, self.surrogate.features.names, strict=True))
-            numbers = {names[name]: values for name, values in points.numbers.items()}
-            rows = self.surrogate.of_numbers(numbers)
-            return RowsOfPoints(rows, np.arange(points.surface.size))
+            rows = self.surrogate.of_numbers(points.numbers)
+            return RowsOfPoints(rows=rows, places=np.arange(points.surface.size))
         parts: list[Rows] = []
         places: list[Indices] = []
         for surface in surfaces_of(self.scene, self.inputs, points):
             on_surface = self.surrogate.for_surface(surface.heights, surface.scene.sides)
             parts.append(on_surface.rows(surface.loads, hardness=surface.hardness))
             places.append(surface.places)
-        return RowsOfPoints(joined(parts), np.concatenate(places))
+        return RowsOfPoints(rows=joined(parts), places=np.concatenate(places))
 
     def _refuse_or_warn(self, reasons: Sequence[str]) -> None:
-        """Refuse points outside the training, or warn of the first ones, as `outside` says.
+        """Refuse points outside the training, or warn of them in the first call that has any.
 
-        `reasons` say for each point why it is outside; "" if it is inside.
+        `reasons` say for each point why it is outside; "" if it is inside. The argument `outside`
+        of this object decides. Sets `_warned`.
         """
         outside = [reason for reason in reasons if reason]
         if not outside or self._outside == "nan":
@@ -783,13 +802,15 @@ class SurrogateFunction(Function):
             self._warned = True
         if is_first:
             advice = 'the output "inside" tells which; further calls do not warn'
-            # The warning names the line of the user's call, four frames up.
+            # The warning names the line of the user's call, which is the fourth frame: the first
+            # three are this method, `_answers` or `_slopes`, and the public method.
             warnings.warn(f"{text}; {advice}", OutsideTraining, stacklevel=4)
 
     def _withheld(self, outputs: Values, reasons: Sequence[str]) -> Values:
-        """Return outputs, (n, outputs), with NaN for those that do not hold outside the training.
+        """Set outputs, (n, outputs), that do not hold outside the training to NaN; return them.
 
-        These are the ends of intervals, and all but the flag if `outside` is "nan". The array is
+        These are the ends of intervals, and all outputs but the flag if `outside` is "nan".
+        `reasons` say for each of the n rows why it is outside; "" if it is inside. The array is
         changed in place.
         """
         is_outside = np.array([reason != "" for reason in reasons])
@@ -804,15 +825,15 @@ def _inputs_of_numbers(surrogate: "Surrogate") -> Inputs:
     """Return the inputs of a surrogate of a scene's own numbers."""
     from learn.features.scene import HARDNESSES
 
-    *drawn, load = surrogate.features.names
+    *drawn, load = surrogate.features.names  # the load is the last one
     parameters: list[str] = []
     hardness = ""
     for name in drawn:
-        if name in HARDNESSES:  # a scene gives one of them, or none
+        if name in HARDNESSES:  # A scene gives one of them, or none.
             hardness = name
         else:
             parameters.append(name)
-    return Inputs(tuple(parameters), load, hardness)
+    return Inputs(parameters=tuple(parameters), load=load, hardness=hardness)
 
 
 def _scene_without_code(surrogate: "Surrogate", path: Path | str) -> Scene:
@@ -838,13 +859,14 @@ def _inputs_of_surfaces(surrogate: "Surrogate", scene: Scene) -> Inputs:
     """
     inputs = Inputs.of(scene)
     load = surrogate.features.load
-    if inputs.load.startswith(
-        load
-    ):  # equal, or relative, as "delta/height_rms" for "delta"
+    # The scene's load is the learnt one or relative to the surface, as "delta/height_rms".
+    if inputs.load.startswith(load):
         load = inputs.load
     limits = surrogate.hardness_limits
-    varies = limits is not None and limits[0] < limits[1]
-    return replace(inputs, load=load, hardness="hardness" if varies else "")
+    hardness = ""
+    if limits is not None and limits[0] < limits[1]:
+        hardness = "hardness"
+    return replace(inputs, load=load, hardness=hardness)
 
 
 def _output(prediction: "Prediction", output: SurrogateOutput) -> Values:

@@ -23,18 +23,20 @@ class Program(NamedTuple):
 
 PROGRAMS = {
     "gen": Program(
-        "gen.cli",
-        "Surfaces, contacts, laws of interfaces, and databases of contact problems.",
+        module="gen.cli",
+        summary="Surfaces, contacts, laws of interfaces, and databases of contact problems.",
     ),
     "learn": Program(
-        "learn.cli", "Surrogates of databases: fit, predict, laws, nine models compared."
+        module="learn.cli",
+        summary="Surrogates of databases: fit, predict, laws, nine models compared.",
     ),
     "bench": Program(
-        "bench.commands", "Reports on exactness and speed (needs the extra 'bench')."
+        module="bench.commands",
+        summary="Reports on exactness and speed (needs the extra 'bench').",
     ),
     "serve": Program(
-        "asperity.serving.cli",
-        "A server of solver and surrogates for UM-Bridge's clients (needs the extra"
+        module="asperity.serving.cli",
+        summary="A server of solver and surrogates for UM-Bridge's clients (needs the extra"
         " 'serve').",
     ),
 }
@@ -42,12 +44,16 @@ PROGRAMS = {
 
 
 class Programs(TyperGroup):
-    """The group of all programs. It imports a program only to parse the words after its name."""
+    """The group of all programs. It imports a program only to parse the words after its name.
+
+    Typer uses it to complete command lines and to print the help; `run` runs programs without it.
+    """
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the program's name, its group of commands, and the words after the name.
 
-        The group takes the place of `_stand_in`, which Typer has found.
+        `args` are the name of the program and the words after it. The method replaces that of
+        Typer, which returns the command `_stand_in` in place of the program's group.
         """
         name, _, words = super().resolve_command(ctx, args)
         program = import_module(PROGRAMS[str(name)].module)
@@ -80,14 +86,14 @@ def run(arguments: Sequence[str]) -> int:
     Returns
     -------
     int
-        Exit code, the same one on all MPI ranks.
+        Exit code, which is equal on all MPI ranks.
     """
     if arguments and arguments[0] in PROGRAMS:
         name, *words = arguments
         program = import_module(PROGRAMS[name].module)
         code: int = program.main(words, name=f"asperity {name}")
         return code
-    # The help, the version, or an error about the words.
+    # Print the help, the version, or an error about the words.
     return command_line.main(app, arguments, "asperity")
 
 

@@ -106,11 +106,11 @@ def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved])
     nodes in contact differs.
     """
     pairs = list(zip(solutions, exact, strict=True))
-    misses = [abs(solution.nodes - right.nodes) for solution, right in pairs]
-    forces = [
-        abs(solution.force / right.force - 1)
-        for solution, right in pairs
-        if right.force  # relative errors of no force are not defined
+    misses = [abs(solution.nodes - truth.nodes) for solution, truth in pairs]
+    force_errors = [
+        abs(solution.force / truth.force - 1)
+        for solution, truth in pairs
+        if truth.force  # a force of 0 has no relative error
     ]
     wrong = sum(miss > 0 for miss in misses)
     return {
@@ -119,7 +119,7 @@ def _compared(rtol: float, solutions: Sequence[Solved], exact: Sequence[Solved])
         "wrong_samples": wrong,
         "samples": len(pairs),
         "largest_miss_nodes": max(misses),
-        "largest_force_error": max(forces, default=0.0),  # relative
+        "largest_force_error": max(force_errors, default=0.0),  # relative
         "convolutions": fmean(solution.convolutions for solution in solutions),
     }
 

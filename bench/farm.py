@@ -150,8 +150,9 @@ def speedup(rows: int, rounds: int) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each round: wall times without start-up [s], for two copies their mean, and
-        speed-ups [1].
+        A row for each round: its number, the wall times without start-up [s], for two copies their
+        mean, and the speed-ups by two workers and by two copies [1]. The last column is the
+        speed-up by two workers over the speed-up by two copies, both against a run alone [1].
 
     Raises
     ------
@@ -471,12 +472,19 @@ def require_rows(path: Path, blocks: Sequence[range], template: Columns) -> None
 def main(program: str, specification: str) -> None:
     """Run a program on this rank; the master prints the result in JSON, in one line.
 
+    It works in the current folder.
+
+    - `generation` reads `scene.toml` and writes `rows.h5`. It takes no arguments, and its result is
+      the time [s].
+    - `writing` takes the fields of `Spec`, and writes `writers.h5`. Its result is that of
+      `time_writers`.
+
     Parameters
     ----------
     program : {"generation", "writing"}
         The program.
     specification : str
-        Path of the JSON file with the arguments of the program.
+        Path of the JSON file with the arguments of the program, an object.
     """
     world = farm.this_world()
     arguments = json.loads(Path(specification).read_text(encoding="utf-8"))

@@ -1,8 +1,10 @@
 """The share of true errors inside the bars of `Contact.grid_error`, on surfaces of eleven kinds.
 
 True values are computed on a finer grid of the surface, the exact grid. It is at least four times
-as fine, and finer until the shortest wave has 32 nodes, but has at most 1040 nodes a side. Loads
-are forces or displacements. A third of the loads is on bodies that yield.
+as fine, and finer until the shortest wave has 32 nodes, but has at most 1040 nodes a side. It is
+exactly four times as fine for the fractal kind, the paper's generator, spheres and machined maps,
+and eight times for turned surfaces. Loads are forces or displacements. A third of the loads is on
+bodies that yield.
 """
 
 import math
@@ -171,6 +173,7 @@ def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judgement]:
         try:
             contact = solve(coarse, pressure=load.pressure)
             if load.by_displacement:
+                # Solved again by its displacement, so that the force is an answer.
                 contact = solve(coarse, delta=contact.delta)
                 exact = solve(fine, delta=contact.delta)
             else:
@@ -281,8 +284,11 @@ def _draw_grid(random: np.random.Generator, *nodes: int) -> _Grid:
 
 
 def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
-    """Draw self-affine waves on a periodic patch, `aspect` times as long along y as along x."""
-    grid = _draw_grid(random, 64, 96, 128, 129)
+    """Draw self-affine waves on a periodic square patch.
+
+    A wave along y is `aspect` times as long as the wave of the same amplitude along x.
+    """
+    grid = _draw_grid(random, 64, 96, 128, 129)  # one of these numbers of nodes a side
     hurst = random.uniform(0.2, 0.9)
     longest = int(random.choice([1, 2]))
     surface = random_waves(longest, grid.shortest_waves, hurst, random, aspect)
@@ -435,13 +441,14 @@ def _made_map(random: np.random.Generator) -> Sample:
     steps = int(random.integers(1, 3))  # steps of the judged grid in a spacing of the map
     kind = random.choice(sorted(MACHINED))
     number = int(random.integers(1000))
-    rms = random.uniform(0.3, 2.0)
-    length = random.uniform(15, 40)
+    rms = random.uniform(0.3, 2.0)  # rms height [um]
+    length = random.uniform(15, 40)  # length of the roughness [um]
     description = MadeMap(
         kind=kind, number=number, shape=(nodes, nodes), rms=rms, length=length
     )
     surface = made_surface(description)  # [um], with nodes 1 um apart
     places = np.linspace(0, 1, nodes)
+    # The map is nodes - 1 um long: this makes its heights multiples of its side.
     spline = RectBivariateSpline(places, places, surface / (nodes - 1))
 
     def heights(n: int) -> Heights:

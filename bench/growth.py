@@ -106,7 +106,8 @@ def cost(
     Returns
     -------
     list of Row
-     is the factor by which the
+        One row for each share and grid, with the values of `_solve` averaged over the surfaces;
+        `padded_arrays` is the largest value instead. `growth` is the factor by which the
         convolutions grow for each doubling of the cells a side, averaged since the coarsest grid.
     """
     rows: list[Row] = []

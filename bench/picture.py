@@ -183,13 +183,15 @@ def draw(entry: Mapping[str, Any], rows: Sequence[Row]) -> Any:
 
 
 def _draw_legend(figure: Any, axes: Any, place: Any) -> None:
-    """Name the curves of a figure at a place.
+    """Draw the legend of a figure, which names its curves.
 
-    `place` is the value of the key `legend` of `draw`. `axes` has the panels, shape (down, across).
+    `place` is "figure" for one legend below all panels, "each" for one in each panel of the last
+    row, or the number of the panel with the legend. `axes` has the panels, shape (down, across).
     """
     if place == "figure":
-        curves = axes[0, 0].get_legend_handles_labels()  # all panels have the same curves
-        figure.legend(*curves, loc="outside lower center", ncols=4)
+        # All panels have the same curves.
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
     elif place == "each":
         for axis in axes[-1]:
             axis.legend(fontsize="x-small")

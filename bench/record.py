@@ -369,8 +369,8 @@ class Inputs:
         Returns
         -------
         str
-            "new" without a record, "not finished", or "other ..." with a list of the fields in
-            `COMPARED` that have changed, as "other code, packages"; "" if the part can stay.
+            "new" without a record, "not finished", or "other ..." with the names in `COMPARED` of
+            the fields that have changed, as "other code, packages"; "" if the part can stay.
 
         Raises
         ------

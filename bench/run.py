@@ -35,13 +35,13 @@ LANES = min(2, os.cpu_count() or 1)
 ROWS = 1500
 """Rows of the paper preset that a short run generates. A full run generates all of its rows."""
 
-PATIENCE = 60.0
+END_LIMIT = 60.0
 """Time within which a command has to end after a signal; then it is killed [s]."""
 
-AWAKE = 0.5
+LONGEST_SLEEP = 0.5
 """Longest sleep of the main thread, which alone can handle signals [s]."""
 
-LONGEST = 7200.0
+COMMAND_LIMIT = 7200.0
 """Time after which the command of a part is taken to hang, and is interrupted [s]."""
 
 LAST_LINES = 5
@@ -157,7 +157,7 @@ class _Job:
         self._parts = parts
         self._inputs = inputs
         self._after = after
-        self._one_page = threading.Lock()
+        self._after_lock = threading.Lock()
         self._interruption = interruption
         self.failed: set[str] = set()
 
@@ -165,7 +165,7 @@ class _Job:
         """Make some of the parts, at most `lanes` at the same time, and wait for their end."""
         with ThreadPoolExecutor(lanes) as pool:
             futures = [pool.submit(self._make, part) for part in parts]
-            while wait(futures, timeout=AWAKE).not_done:
+            while wait(futures, timeout=LONGEST_SLEEP).not_done:
                 pass  # the main thread handles signals between two waits
             for future in futures:
                 future.result()  # raises the error of the thread, if there was one
@@ -188,7 +188,7 @@ class _Job:
             duration = in_words(expected_seconds(part, self._inputs))
             remark(f"{heading} ({duration}): {self._inputs.typed(part)}")
             code = _run(part, self._inputs, self._interruption)
-            with self._one_page:
+            with self._after_lock:
                 self._after()
         if code:
             self.failed.add(part.name)
@@ -267,9 +267,13 @@ def _record_to_keep(part: Part, inputs: Inputs) -> Record | None:
 def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
     """Run the command of a part to its end or a signal, and return its exit code.
 
-    Its output goes into files beside the record. An earlier record is removed first. The new record
-    is written at the end, but not after a signal, so that the part is made again. A failure is
-    printed on standard error. Raises InputError if the folder cannot be written to.
+    Its output goes into files beside the record. A command that takes longer than `COMMAND_LIMIT`
+    is interrupted. A failure is printed on standard error. Raises InputError if the folder cannot
+    be written to.
+
+    An earlier record is removed first. The new record is written at the end, but not after a signal
+    to this run, so that the part is made again. The record is unfinished if the command failed, or
+    if the code changed while it ran; a failed check of a part that judges is no such failure.
     """
     path = inputs.path(part)
     output_file = path.with_name(f"{part.name}.printed.txt")
@@ -289,7 +293,8 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
         ) from None
     if interruption.requested():
         return code
-    # Python also ends with code 1 after an exception that nothing catches.
+    # A part that judges ends with code 1 if its check failed; its results are then complete. Python
+    # ends with the same code after an uncaught exception.
     crashed = any(line.startswith("Traceback") for line in errors)
     check_failed = code == 1 and part.judges and not crashed
     code_changed = code_state() != state
@@ -332,19 +337,20 @@ def _run_command(
 
 
 def _wait(process: "subprocess.Popen[bytes]", interruption: Interruption) -> int:
-    """Wait for the end of a process, and return its exit code.
+    """Wait for the end of a process, and return its exit code, never 0 if it was interrupted.
 
-    A signal to this process is passed on. A process that runs longer than `LONGEST` is interrupted.
-    A process that has not ended `PATIENCE` seconds after its signal is killed.
+    A signal to this process is passed on. A process that runs longer than `COMMAND_LIMIT` is
+    interrupted by SIGINT. A process that has not ended within `END_LIMIT` after its signal is
+    killed.
     """
-    limit = time.monotonic() + LONGEST
+    limit = time.monotonic() + COMMAND_LIMIT
     while not interruption.requested() and time.monotonic() < limit:
         with suppress(subprocess.TimeoutExpired):
             return process.wait(timeout=0.2)
     process.send_signal(interruption.signal or signal.SIGINT)
     with suppress(subprocess.TimeoutExpired):
         # A process that was interrupted has failed, even if it ended with exit code 0.
-        return process.wait(timeout=PATIENCE) or -signal.SIGINT
+        return process.wait(timeout=END_LIMIT) or -signal.SIGINT
     process.kill()
     return process.wait()
 

@@ -295,7 +295,7 @@ def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
     Parameters
     ----------
     spectrum : SelfAffineSpectrum
-        Power spectrum of the heights.
+        Isotropic power spectrum of the heights.
 
     Returns
     -------
@@ -304,7 +304,9 @@ def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
     """
     lowest = 2 * math.sqrt(math.pi) / SIDE
     highest = 2 * math.pi / spectrum.cut_off
-    wavenumbers = np.geomspace(lowest, highest, 4000)
+    wavenumbers = np.geomspace(
+        lowest, highest, 4000
+    )  # dense enough for the trapezoidal rule
     density = spectrum.density(wavenumbers, np.zeros_like(wavenumbers))
     scale = RMS_SLOPE / PerssonInterface(wavenumbers, density).rms_slope()
     return PerssonInterface(wavenumbers, scale**2 * density)

@@ -93,10 +93,11 @@ class DeltaOnSurface(NamedTuple):
 
 
 NO_FULL_CONTACT = DeltaOnSurface(delta=math.inf, span=math.nan)
-"""Smallest Delta of full contact if no row is in full contact: any other one is smaller."""
+"""Start of a minimum over rows: Delta is infinite if no row is in full contact."""
 
 NO_SINGLE_NODE = DeltaOnSurface(delta=-math.inf, span=math.nan)
-"""Largest Delta with one node in contact if no row has one: any other one is larger."""
+"""Start of a maximum over rows: Delta is minus infinity if every row has two nodes in contact or
+more."""
 
 
 @dataclass(frozen=True)
@@ -261,7 +262,8 @@ def _full_contact(delta: float, span: float, advice: str, where: str = "") -> st
     """Return the doubt that every node touches from the displacement `delta` [um] on.
 
     `span` is the highest minus the lowest height of the surface [um]. `advice` ends the line.
-    `where` says for which rows this holds, with a blank before it; or "".
+    `where` names the rows in which every node touches, after a blank, as " in 7 of 9 rows". It is
+    "" for a single surface.
     """
     return (
         f"from Delta = {delta:.4g} um on every node touches{where}, the heights span"

@@ -518,9 +518,8 @@ def _named(files: LawOutputs, stem: Path) -> LawOutputs:
         if getattr(files, field) is not None:  # the user has named this file
             continue
         beginning = stem.name
-        if (
-            field == "for_4c"
-        ):  # 4C imports the file, and the name of a module has no point
+        # 4C imports its file as a module, and the name of a module has no point.
+        if field == "for_4c":
             beginning = beginning.replace(".", "_")
         paths[field] = stem.with_name(beginning + law_format.ending)
     return files._replace(**paths)

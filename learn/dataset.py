@@ -710,9 +710,8 @@ def _dominant_input(dataset: Dataset) -> str:
     size_without = float(np.linalg.norm(np.delete(sizes, place)))
     if not sizes[place] > DOMINANT * size_without:
         return ""
-    ratio = sizes[place] / max(
-        size_without, 1e-300
-    )  # not by 0, if all other inputs are 0
+    # All other inputs may be 0.
+    ratio = sizes[place] / max(size_without, 1e-300)
     return (
         f"warning: {dataset.features.columns[place]} is {ratio:.1e} times all other inputs: rows"
         " of unit length say nothing else; try --normalise standard"

@@ -182,7 +182,9 @@ def _serve(world: farm.World) -> None:
     # Workers ignore signals: the master handles them.
     with Interruption(listening=False):
         while True:
-            message = world.broadcast(None)  # None of a worker is ignored: this receives
+            # On a worker this waits for the master's message and returns it; its argument is not
+            # used.
+            message = world.broadcast(None)
             if message is None:  # the end of the job
                 return
             if message.has_shared:

@@ -178,8 +178,8 @@ def bootstrap(
     if numbers.max() < 1:  # all rows are in group 0
         return {}
     means = _resampled_means(true, error, numbers)
-    # Scores of a resample are undefined if its truth is 0 everywhere or does not vary, as it may be
-    # if a single group was drawn.
+    # Scores of a resample are undefined if its truth is 0 everywhere or does not vary. This can
+    # happen if one group was drawn every time.
     usable = means.magnitude > 0
     usable &= means.variance > ROUNDING * true.var()
     squared_error = means.squared_error[usable]

@@ -56,9 +56,9 @@ LENGTHS = (0.1, 10.0)
 STARTS = (1.0, 2.5)
 # Largest number of steps of each of these searches.
 STEPS = 50
-# Smallest and largest variance of the process, over the variance that the target has.
+# Smallest and largest variance of the process, over the square of `Population._process_deviation`.
 VARIANCES = (1e-3, 1e5)
-# Prior deviation of the coefficients of the plane, over the deviation of the target.
+# Prior deviation of the coefficients of the plane, over `Population._process_deviation`.
 PLANE = 10.0
 # Number of parts of the surfaces that are left out in turn.
 PARTS = 20
@@ -77,7 +77,7 @@ FIRST_CORRELATION = (
 )
 # Number of fits of power law and scatter; each takes the weights of the fit before.
 PASSES = 3
-# Smallest size of the scatter, over the deviation of the target over its power law.
+# Smallest size of the scatter, over the standard deviation of the ratio (target over power law).
 SMALLEST_SCATTER = 1e-4
 # Quantiles of the fitted scatter to which its sizes are limited, because the quadratic polynomial
 # is not reliable at the ends of the inputs.
@@ -185,6 +185,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         )
         # Results depend on the order of the draws: centres, a sample of the rows, parts.
         centres = X[random.permutation(len(y))[:CENTRES]]
+        # True for `LIKELY_ROWS` rows drawn at random, or for all rows if there are fewer.
         sample = random.permutation(len(y)) < LIKELY_ROWS
         sampled_rows = rows.where(sample, _blocks(surfaces[sample]))
         likely = _most_likely_scales(sampled_rows, centres[:LIKELY_CENTRES])
@@ -490,7 +491,8 @@ class EvidenceTerms:
     """The numbers from which the evidence of lengths and a variance, and its slopes, follow."""
 
     log_variance: float  # logarithm of `variance`
-    variance: float  # variance of the process, over the variance that the target has
+    # variance of the process, over the square of `Population._process_deviation`
+    variance: float
     places: Values  # (n, d), inputs of the rows over the lengths
     about: Values  # (m, d), centres over the lengths
     near: Kernel  # Matern function between rows and centres, (n, m)
@@ -742,7 +744,7 @@ class LikelyScales(NamedTuple):
     """Lengths and variance of the process with the largest evidence."""
 
     lengths: Values  # (d,), over the deviation of each input
-    variance: float  # over the variance that the target has
+    variance: float  # over the square of `Population._process_deviation`
 
 
 def _most_likely_scales(rows: Whitened, centres: Values) -> LikelyScales:
@@ -807,10 +809,12 @@ def _with_likeliest_size(
 ) -> LikelyCorrelation:
     """Return the correlation of three settings, with the most likely size of a scatter, (n,).
 
-    Takes the inputs of the rows, (n, d), and the positions of the rows of each surface, from
-    `_blocks`. The settings, (3,), are numbers without bounds, as a minimiser needs them: the logit
-    of the share that is independent for each row, the logarithm of the length, and the logit of the
-    power less 1.
+    Takes the inputs of the rows, (n, d), and the blocks of `_blocks`. A block is an array, (b, k):
+    the positions of the rows of b surfaces, or pieces of surfaces, of k rows each.
+
+    The settings, (3,), are numbers without bounds, as a minimiser needs them: the logit of the
+    share that is independent for each row, the logarithm of the length, and the logit of the power
+    less 1.
     """
     logit_separate, log_length, logit_power = settings
     above_smallest = (1 - SMALLEST_SEPARATE) * float(expit(logit_separate))
@@ -822,7 +826,8 @@ def _with_likeliest_size(
     squares = 0.0  # sum of the squares of the whitened scatter
     log_determinant = 0.0  # of the Cholesky factors of all surfaces
     for block, root in zip(blocks, correlation.roots(X, blocks), strict=True):
-        whitened = np.linalg.solve(root, scatter[block][:, :, None])
+        of_surfaces = scatter[block]  # (b, k); the root is (b, k, k)
+        whitened = np.linalg.solve(root, of_surfaces[:, :, None])
         squares += np.square(whitened).sum()
         log_determinant += np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
     size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))

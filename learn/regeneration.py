@@ -421,18 +421,20 @@ def _statistics(surface: SurfaceFeatures) -> Values:
 def _values(
     surface: SurfaceFeatures, load: float, ratio: float | None, shared: SharedSettings
 ) -> Values:
-    """Return the columns of `HYBRID` for a surface and, under pressures, the Delta of the solve.
+    """Return the columns of `HYBRID` for a surface, (18,), and under pressures also Delta, (19,).
 
-    They are (18,) or (19,). They are NaN if the load is not above 0, a statistic is undefined or
-    the coarse solve fails. Under pressures there are two solves: if only the second one fails, the
-    Delta of the first one is kept. The load is Delta or, under pressures, the length of
-    `by_pressure` [um]; `ratio` is the hardness over E*, None for elastic bodies.
+    `load` is Delta or, under pressures, the pressure as a length (`by_pressure`): the nominal
+    pressure times L / E*, both [um]. `ratio` is the hardness over E*, None for elastic bodies. All
+    numbers are NaN if the load is not above 0, a statistic is undefined, or the coarse solve fails.
+    Under pressures a first solve finds Delta, and a second one gives the columns at this Delta. If
+    only the second one fails, Delta is kept.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
     try:
         # Loads of 0 or less make no contact. `reason` says why a statistic is undefined.
         if load > 0 and not surface.description.reason:
             if shared.pressed:
+                # the first of the two solves
                 delta = surface.reached(load, ratio, shared.blocks)
                 values[-1] = delta
             else:

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from asperity.serving.models import Model
 
 PATIENCE = 5.0
-"""Time after a second Ctrl-C in which clients can still take their answers [s]; then the process
-ends."""
+"""Time after a second Ctrl-C for sending the last answers [s]; then the process ends."""
 
 ALL_ADDRESSES = {"0.0.0.0", "::"}
 """Values of --host with which the server listens on every address of the machine."""
@@ -57,7 +56,7 @@ def main(arguments: Sequence[str], name: str) -> int:
     arguments : sequence of str
         Words after the program's name.
     name : str
-        Name of the program in messages.
+        Name of the program in messages, as "asperity serve".
 
     Returns
     -------
@@ -111,10 +110,10 @@ def serve(
 
 
 def _own_names(host: str) -> tuple[str, ...]:
-    """Return the names under which clients reach a server that listens on an address.
+    """Return the names under which clients reach a server that listens on an address, `host`.
 
-    There are none if it listens on all addresses: other machines may have names for this one that
-    the server does not know, so that it cannot check any.
+    They are empty if it listens on all addresses: other machines may have names for this one that
+    the server does not know, so that it cannot check names.
     """
     if host in ALL_ADDRESSES:
         return ()
@@ -126,7 +125,8 @@ def _run_server(
 ) -> None:
     """Serve until Ctrl-C, and print the models as soon as the server listens.
 
-    Raises OSError if it cannot listen on the address and port.
+    Adds to `app` what is done at its start and at its shutdown. Raises OSError if the server cannot
+    listen on the address and port.
     """
     from aiohttp import web
 
@@ -146,7 +146,7 @@ def _run_server(
             "stopping: questions under way are answered first; Ctrl-C again ends at once"
         )
 
-    app.on_startup.append(ctrl_c.listen)
+    app.on_startup.append(ctrl_c.install_handler)
     app.on_shutdown.append(print_stop)
     web.run_app(
         app,
@@ -156,30 +156,31 @@ def _run_server(
         access_log=None,
         handler_cancellation=True,  # ends the questions of clients that are gone
         keepalive_timeout=SLOW,
-        lingering_time=1.0,  # to read the end of a question that was refused [s]
-        auto_decompress=False,  # a small question could become a large one
+        lingering_time=1.0,  # time to read the rest of a question that was refused [s]
+        auto_decompress=False,  # compressed, a small question could become a large one
     )
 
 
 class _CtrlC:
     """The handling of Ctrl-C: the first lets the server shut down, the second ends its workers.
 
-    The questions of workers that end are answered with an error, so that the shutdown has nothing
-    to wait for.
+    When workers are ended, their questions are answered with an error, so that the shutdown has
+    nothing to wait for.
     """
 
     def __init__(self, end_workers: Callable[[], None]) -> None:
-        self.presses = 0  # how often Ctrl-C was pressed
+        self.presses = 0  # number of times that Ctrl-C was pressed
         self._end_workers = end_workers
 
-    async def listen(self, _: web.Application) -> None:
+    async def install_handler(self, _: web.Application) -> None:
         """Handle Ctrl-C in place of aiohttp, whose second Ctrl-C leaves its tasks unfinished."""
         asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._press)
 
     def _press(self) -> None:
-        """Shut the server down at the first press.
+        """Handle one Ctrl-C, and count it in `presses`.
 
-        At a further one, end the workers, and this process `PATIENCE` later.
+        At the first one, raise GracefulExit, with which aiohttp shuts the server down. At a further
+        one, end the workers, and end this process `PATIENCE` later.
         """
         from aiohttp import web
 

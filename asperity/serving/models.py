@@ -40,16 +40,19 @@ class Configuration(BaseModel):
     seed: int | None = None  # of the surfaces; None for that of the scene
     # Nodes along both axes, or along x and y; None for those of the scene.
     nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
-    stiffness: bool = False  # True for the solver's stiffness, a fourth output
-    # True for the ends of a surrogate's intervals; the solver has none, and ignores it
+    # True for the solver's stiffness, a fourth output; surrogates refuse it.
+    stiffness: bool = False
+    # True for the ends of a surrogate's intervals; the solver, which has none, ignores it.
     interval: bool = True
 
 
 def _outputs(function: Function, vectors: Vectors, config: Configuration) -> list[float]:
     """Return the outputs of a function at one point, with the client's settings.
 
-    The vectors have the sizes of the function's inputs.
+    The vectors have the sizes `Inputs.sizes` of the function. InputError and `Unsolved` of the
+    function pass through.
     """
+    # Joined, the vectors are a number for each of the names.
     values = chain.from_iterable(vectors)
     numbers: dict[str, Any] = dict(zip(function.names, values, strict=True))
     outputs = function(
@@ -122,16 +125,19 @@ class SolverModel:
 
     def _function(self, config: Configuration) -> SceneFunction:
         """Return the function with the outputs that a client wants."""
-        return self._with_stiffness if config.stiffness else self._usual
+        if config.stiffness:
+            return self._with_stiffness
+        return self._usual
 
 
 class SurrogateModel:
     """A surrogate: the inputs of the solver in; for each target one vector out.
 
-    A vector has four numbers: the predicted value, the low and the high end of its interval, and 1
-    if the question is inside the training of the surrogate, else 0. Intervals have the level 0.9,
-    or the largest level below it that the surrogate reaches. None holds outside the training: both
-    ends are None there. On request a vector has only two numbers, value and flag.
+    A vector has four numbers: the predicted value, the low and the high end of its interval, and a
+    flag, which is 1 if the question is inside the training of the surrogate, else 0. Intervals have
+    the level 0.9, or the largest level below it that the surrogate reaches. Outside the training no
+    interval holds, and both ends are None. On request a vector has only two numbers, the value and
+    the flag.
 
     Parameters
     ----------
@@ -173,7 +179,9 @@ class SurrogateModel:
         list of int
             4 for each target with its interval, or 2 without.
         """
-        size = 4 if config.interval else 2
+        size = 2
+        if config.interval:
+            size = 4
         return [size] * len(self._targets)
 
     def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:

@@ -24,10 +24,10 @@ VERSION = 1.0
 """Version of the protocol that the server speaks."""
 
 LARGEST = 2**20
-"""Largest size of a question [bytes]; no useful question comes near it."""
+"""Largest size of a question [bytes]; useful questions are far smaller."""
 
 SLOW = 60.0
-"""Time in which a client has to send a question [s]."""
+"""Time that a client has to send a question, and after which a silent connection is closed [s]."""
 
 
 class Body(BaseModel):
@@ -41,7 +41,8 @@ class Body(BaseModel):
     name: str  # of the model
     input: Vectors = Field(default=[])
     config: Configuration = Field(default=Configuration())
-    # Indices of the output vector and of the input vectors of a derivative.
+    # Indices of the output vector of a derivative, and of the input vectors: one, or two of a
+    # second derivative.
     out_wrt: int = Field(default=0, alias="outWrt")
     in_wrt: int = Field(default=0, alias="inWrt")
     in_wrt_1: int = Field(default=0, alias="inWrt1")
@@ -113,7 +114,11 @@ class Server:
         return {"support": {"Evaluate": True, **derivatives}}
 
     async def _evaluate(self, body: Body) -> dict[str, Any]:
-        """Answer with the output of a model, which a worker evaluates."""
+        """Answer with the output of a model, which a worker evaluates.
+
+        Raises Refusal for vectors of wrong sizes, for an output that is not finite, and as
+        `Workers.ask` does.
+        """
         input_sizes = self._model(body).input_sizes
         sizes = [len(vector) for vector in body.input]
         if sizes != input_sizes:
@@ -131,7 +136,7 @@ class Server:
         return {"output": output}
 
     async def _derivative(self, body: Body) -> NoReturn:
-        """Refuse a derivative: first indices that the model does not have, then every one."""
+        """Refuse a derivative: for a wrong index, or else because no model has derivatives."""
         model = self._model(body)
         inputs = len(model.input_sizes)
         outputs = len(model.output_sizes(body.config))
@@ -156,16 +161,17 @@ class Server:
     ) -> web.StreamResponse:
         """Refuse questions to a name that is not this server's, and questions of web pages.
 
-        A web page that a user looks at can let its own name point to this machine ("DNS
-        rebinding"), and would then read the answers. Its name is in the question. An IP address
-        cannot be such a name. A page that cannot read the answers could still keep the server busy;
-        browsers name the page's origin in the question.
+        A web page that a user looks at can let the page's own name point to this machine ("DNS
+        rebinding"), and would then read the answers. This name is in the header "Host" of the
+        question. An IP address cannot be made to point elsewhere, and is allowed. A page that
+        cannot read the answers could still keep the server busy: browsers name the page in the
+        header "Origin".
         """
         host = request.headers.get("Host", "")
         try:
             name = urlsplit(f"//{host}").hostname or ""
             if self._hosts and name not in self._hosts:
-                ipaddress.ip_address(name)  # raises ValueError for a name
+                ipaddress.ip_address(name)  # raises ValueError for all but IP addresses
         except ValueError:
             names = ", ".join(self._hosts)
             raise Refusal("InvalidInput", f"Host {host!r:.100}: ask {names}") from None
@@ -189,8 +195,8 @@ def _handler(
 ) -> Callable[[web.Request], Awaitable[web.Response]]:
     """Return the handler of a route, which reads a question, checks it, and writes the answer.
 
-    `answer` takes the body of the question and returns that of the answer. The handler refuses a
-    question that is not sent in time.
+    `answer` takes the body of a question, and returns the body of its answer as a dictionary for
+    JSON. The handler refuses a question that is not sent within `SLOW`.
     """
 
     async def handle(request: web.Request) -> web.Response:
@@ -206,7 +212,7 @@ def _handler(
 
 
 def _body(text: bytes) -> Body:
-    """Parse the body of a question; refuse one that is no JSON, or has a wrong value."""
+    """Parse the body of a question; refuse a body that is no JSON, or has a wrong value."""
     try:
         return Body.model_validate(json.loads(text, parse_constant=_refuse_constant))
     except ValidationError as error:
@@ -227,15 +233,15 @@ def _refuse_constant(constant: str) -> NoReturn:
 
 @web.middleware
 async def _errors_as_json(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Answer errors as the protocol wants them: JSON with a type and a message.
+    """Turn errors of a handler into answers of the protocol: JSON with a type and a message.
 
-    A bug is also logged with its traceback.
+    Errors that are no refusals are bugs, which are also logged with their tracebacks.
     """
     try:
         return await handler(request)
     except Refusal as refusal:
         return _error(refusal.kind, refusal.message, refusal.status)
-    except web.HTTPException as error:  # an unknown route, or a body that is too large
+    except web.HTTPException as error:  # aiohttp's: an unknown route, or too large a body
         message = f"{request.path}: {error.reason}"
         return _error("InvalidInput", message, error.status)
     except Exception as error:
@@ -244,5 +250,5 @@ async def _errors_as_json(request: web.Request, handler: Handler) -> web.StreamR
 
 
 def _error(kind: str, message: str, status: int) -> web.Response:
-    """Return the answer of an error: its type in the protocol, one line, and the HTTP status."""
+    """Return the answer for an error with its type in the protocol, one line, and HTTP status."""
     return web.json_response({"error": {"type": kind, "message": message}}, status=status)

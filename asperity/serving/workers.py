@@ -18,14 +18,14 @@ from gen.runtime.memory import require_blas
 from gen.runtime.user_code import TRUSTED
 
 ATTEMPTS = 2
-"""Number of times that a question is put to a process. If a process is killed from outside, a new
-one takes its place before the next attempt."""
+"""Largest number of times that a question is put to a process. If the process ends without an
+answer, killed from outside for example, a new one takes its place before the next attempt."""
 
 WAITING = 1000
 """Largest number of questions that wait for a free process; further ones are refused."""
 
 FILES_PER_PROCESS = 8
-"""Open files that the server needs for each process: six, and some to spare."""
+"""Number of open files that the server is allowed for each process: it needs six."""
 
 GRACE = 5.0
 """Time in which a process may finish a question whose client is gone [s]; then it is replaced. The
@@ -33,7 +33,7 @@ time is longer than the start of a process: clients that leave early must not en
 have only just started."""
 
 STATUS = {"ModelError": 500, "InvalidOutput": 500, "Busy": 503}
-"""HTTP status by the type of an error. Faults of a client are left out; their status is 400."""
+"""HTTP status by the type of an error; 400 for all other types, which are faults of a client."""
 
 
 class Refusal(Exception):
@@ -48,7 +48,8 @@ class Refusal(Exception):
     """
 
     def __init__(self, kind: str, message: str) -> None:
-        super().__init__(kind, message)  # both, so that the error can be pickled
+        # With both arguments, the error can be pickled on its way from a worker.
+        super().__init__(kind, message)
         self.kind = kind
         self.message = " ".join(message.split())
 
@@ -74,8 +75,8 @@ class Workers:
     """Processes that have all models; each answers one question at a time.
 
     Every process is a pool of its own, so that ending it ends no other question. Processes start
-    when the first questions need them. The limit of open files of this process is raised for them,
-    as far as the system allows.
+    when the first questions need them. Making this object raises the limit of open files of this
+    process, as far as the system allows.
 
     Parameters
     ----------
@@ -138,7 +139,8 @@ class Workers:
     async def _answered(self, pool: ProcessPoolExecutor, call: Call) -> Answer:
         """Answer a question on one process, or on the one that takes its place.
 
-        The process is free afterwards. If this task is cancelled, the process is ended.
+        The process is in `_free` afterwards. If this task is cancelled, the process is ended, and a
+        new one is free. Raises Refusal as `ask` does.
         """
         try:
             for _ in range(ATTEMPTS):
@@ -164,7 +166,7 @@ class Workers:
             self._free.put_nowait(pool)
 
     def close(self) -> None:
-        """End all processes, and refuse the questions that they have not answered."""
+        """End all processes; the questions that they have not answered are refused."""
         self._closed = True
         for pool in self._pools:
             _end(pool)
@@ -173,7 +175,10 @@ class Workers:
             pool.shutdown(cancel_futures=True)
 
     def _replaced(self, pool: ProcessPoolExecutor) -> ProcessPoolExecutor:
-        """End a process, and return a new one; the old one if the server is closed already."""
+        """End the process of a pool, and return a new pool in its place.
+
+        After `close`, which has ended all processes, return the old pool.
+        """
         if self._closed:
             return pool
         _end(pool)
@@ -198,7 +203,8 @@ class Workers:
 def _raise_file_limit(number: int) -> None:
     """Raise this process's limit of open files for a number of worker processes.
 
-    Clients that wait have one open file each. The system may allow less.
+    Each client that waits has one open file. The new limit is lower than needed if the system
+    allows no more.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY:
@@ -216,7 +222,10 @@ def _end(pool: ProcessPoolExecutor) -> None:
 
 
 def _begin(sources: tuple[str, ...], trusted: bool) -> None:
-    """Prepare this worker: load every model once. `trusted` lets functions of scenes run."""
+    """Prepare this worker, which has just started: fill `_MODELS`, and end with the server.
+
+    `sources` are the scenes and surrogates. `trusted` is True if functions of scenes may run.
+    """
     threading.Thread(target=_end_with_server, daemon=True).start()
     require_blas()
     TRUSTED.set(trusted)
@@ -234,7 +243,10 @@ def _end_with_server() -> None:
 
 
 def _answer(call: Call) -> Answer:
-    """Evaluate a model in this worker; errors of the question become refusals."""
+    """Evaluate a model in this worker, and return its output.
+
+    Refusal is raised in place of errors of the question and of contacts without a solution.
+    """
     try:
         return _MODELS[call.model].evaluate(call.vectors, call.config)
     except InputError as error:

@@ -1,9 +1,10 @@
 """Contact by the dense matrix of influence coefficients, whose parts are factorised.
 
 `press` uses block principal pivoting with Cholesky factors. Its code is short, and its solves are
-slow. It accepts a solution only if the conditions of complementarity hold. `press_yielding` bounds
-the pressure by a hardness. With A = L L^T, the pressure 0 <= p <= H that minimises p A p / 2 - u p
-is the least-squares solution of L^T p = L^-1 u within these bounds; `solve` may begin with it.
+slow. It accepts a solution only if the conditions of complementarity hold. `press_yielding` also
+bounds the pressure by a hardness H: the pressure 0 <= p <= H minimises p A p / 2 - u p. With
+A = L L^T, this is the least-squares solution of L^T p = L^-1 u within the bounds, which
+`by_least_squares` computes; block pivoting may begin with its sides.
 
 `press_by_nnls` is the paper's algorithm: A. Bemporad and M. Paggi (2015), Int. J. Solids Struct.
 69-70, algorithm 3, after Lawson and Hanson (1974). It solves one dense system for each node that
@@ -32,11 +33,11 @@ Sides = NDArray[np.intp]
 """State of each node: -1 without pressure, 0 in elastic contact, 1 yielded."""
 
 ROUNDING = 1e-11
-"""Size of pressures and gaps in reduced units below which they are taken as zero [largest
+"""Largest violation by a gap, or by a pressure in reduced units, that counts as rounding [largest
 interference]."""
 
 PATIENCE = 4
-"""Largest number of successive exchanges of all wrong nodes that do not leave fewer wrong ones."""
+"""Number of further exchanges of all wrong nodes after one that has left no fewer wrong ones."""
 
 EXCHANGES = 10_000
 """Number of exchanges after which `solve` gives up; only rounding can make it need more."""
@@ -139,10 +140,11 @@ def solve(
     """Find the pressure 0 <= p <= H of a contact by block principal pivoting.
 
     The gap w = A p - u is at least 0 where p = 0, at most 0 where p = H, and 0 elsewhere. A node is
-    wrong if its pressure or gap has the wrong sign for its side. All wrong nodes change sides at
-    once, as long as their number falls within `PATIENCE` exchanges. Then only the last wrong node
-    changes sides, until fewer nodes are wrong. This ends for any positive definite matrix (Judice
-    and Pires 1994; Murty 1974).
+    wrong if its gap has the wrong sign for its side or, in elastic contact, its pressure is below 0
+    or above H. All wrong nodes change sides at once. After `PATIENCE` + 1 such exchanges without a
+    new smallest number of wrong nodes, only the last wrong node changes sides, until the number
+    reaches a new minimum. This ends for any positive definite matrix (Judice and Pires 1994; Murty
+    1974).
 
     Parameters
     ----------
@@ -166,6 +168,8 @@ def solve(
     ArithmeticError
         If nodes are still wrong after `EXCHANGES`, or if rounding leaves a gap in elastic contact
         that is larger than `ROUNDING` of the largest interference.
+    numpy.linalg.LinAlgError
+        If the matrix of the nodes in elastic contact is not positive definite.
     """
     side = start
     if side is None:
@@ -225,6 +229,11 @@ def balance(
     ndarray, shape (m,)
         Pressure in the unit of A^-1 u: 0 at nodes without pressure, the hardness at yielded nodes.
         In elastic contact it may be negative or above the hardness.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix of the nodes in elastic contact is not positive definite.
     """
     pressure = np.where(side > 0, hardness, 0.0)
     free = side == 0
@@ -261,6 +270,8 @@ def press(
     ------
     ArithmeticError
         If `solve` finds no solution.
+    numpy.linalg.LinAlgError
+        If the matrix of some nodes is not positive definite.
     """
     overlap = (heights - heights.max()) + delta
     interference = (overlap / delta).reshape(-1)
@@ -292,6 +303,11 @@ def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> f
     -------
     float
         Displacement Delta [um].
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the influence matrix is not positive definite.
     """
     factor = cho_factor(influence_matrix(heights.shape, kernel, aspect))
     at_first_touch = cho_solve(factor, (heights - heights.max()).reshape(-1))
@@ -305,7 +321,7 @@ def press_yielding(
     hardness: float,
     kernel: Kernel,
     aspect: float = 1.0,
-    sides: Callable[[Field, Field, float], Sides] | None = None,
+    find_start: Callable[[Field, Field, float], Sides] | None = None,
 ) -> DenseContact:
     """Solve a contact of bodies that yield at a hardness, on a rigid far field.
 
@@ -314,16 +330,17 @@ def press_yielding(
     heights : ndarray, shape (nx, ny)
         Heights of the surface [um].
     delta : float
-        Displacement of the far field from first touch [um].
+        Displacement of the far field from first touch, above 0 [um].
     hardness : float
         Largest pressure [E* um / first side of a cell].
     kernel : {"uniform-pressure", "concentrated-force"}
         Kernel, as for `half_space.influence_coefficients`.
     aspect : float
         Second side of a cell over its first [1].
-    sides : callable, optional
-        Function with the arguments and the result of `by_least_squares`, which gives the sides that
-        `solve` begins with; by default those of `solve`.
+    find_start : callable, optional
+        Function that takes the matrix, (m, m), the interference, (m,) [um], and the hardness, and
+        returns the sides, (m,), that `solve` begins with, as `by_least_squares` does. Without it,
+        `solve` begins with its default.
 
     Returns
     -------
@@ -334,13 +351,15 @@ def press_yielding(
     ------
     ArithmeticError
         If `solve` finds no solution.
+    numpy.linalg.LinAlgError
+        If the matrix of some nodes is not positive definite.
     """
     interference = ((heights - heights.max()) + delta).reshape(-1)
     nodes = np.flatnonzero(interference > 0)  # nodes without overlap cannot touch
     matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
     start = None
-    if sides is not None:
-        start = sides(matrix, interference[nodes], hardness)
+    if find_start is not None:
+        start = find_start(matrix, interference[nodes], hardness)
     pressure = np.zeros(heights.size)
     pressure[nodes] = solve(matrix, interference[nodes], start, hardness)
     field = pressure.reshape(heights.shape)
@@ -364,6 +383,11 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
     -------
     ndarray of int, shape (m,)
         -1 at nodes without pressure, 0 in elastic contact, 1 at yielded nodes.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not positive definite.
     """
     factor = cholesky(matrix, lower=True)
     target = solve_triangular(factor, interference, lower=True)
@@ -376,8 +400,8 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
 class _ActiveSet:
     """Nodes in contact in the paper's algorithm, with the rows of the matrix that belong to them.
 
-    Only the first `count` entries of `nodes` and `rows` are valid. They are in one order, which
-    `add` and `release` keep.
+    Candidates are the m nodes that overlap. `rows[i]` is the row of the matrix for `nodes[i]`. Only
+    the first `count` entries of both arrays are valid, in no particular order.
     """
 
     def __init__(self, matrix: Field) -> None:
@@ -406,6 +430,7 @@ class _ActiveSet:
         inside = self.inside
         block = self.rows[: self.count, inside].T
         pressures: Field
+        # LAPACK writes its factor into `block`, which is a copy.
         _, pressures, failed = dposv(block, interference[inside], overwrite_a=True)
         if failed:
             raise ArithmeticError("the influence matrix is not positive definite")
@@ -414,9 +439,10 @@ class _ActiveSet:
     def release(self, pressure: Field, balanced: Field) -> None:
         """Move pressures towards balanced ones until one of them becomes 0, and release its node.
 
-        `pressure`, (m,), is changed in place at the nodes in contact. `balanced`, (count,), must
-        have a pressure that is not positive. In `nodes` and `rows` the last node in contact takes
-        the place of the released one.
+        `pressure`, (m,), has the present pressures of all candidates. It is changed in place at the
+        nodes in contact. `balanced`, (count,), has the pressures that `balance` returned, of which
+        at least one must be 0 or negative. In `nodes` and `rows` the last node in contact takes the
+        place of the released one.
         """
         inside = self.inside
         before = pressure[inside]
@@ -469,20 +495,20 @@ def press_by_nnls(
     reduced = (overlap / delta).reshape(-1)
     nodes = np.flatnonzero(reduced > 0)  # the candidates: other nodes cannot touch
     interference = reduced[nodes]
-    candidates = interference.size
+    candidate_count = interference.size
     active = _ActiveSet(influence_matrix(heights.shape, kernel, nodes=nodes))
-    pressure = np.zeros(candidates)
+    pressure = np.zeros(candidate_count)
     gap = -interference
     solves = 0
-    while active.count < candidates and gap.min() < -rtol:
+    while active.count < candidate_count and gap.min() < -rtol:
         active.add(gap.argmin())
         balanced = active.balance(interference)
         solves += 1
         while balanced.min() <= 0:
             active.release(pressure, balanced)
-            if solves > 10 * candidates:
+            if solves > 10 * candidate_count:
                 raise ArithmeticError(
-                    f"no end after {solves} solves for {candidates} nodes"
+                    f"no end after {solves} solves for {candidate_count} nodes"
                 )
             balanced = active.balance(interference)
             solves += 1

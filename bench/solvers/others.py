@@ -279,8 +279,8 @@ def single_grid(
 ) -> Press:
     """Set up ASPHER's Polonsky and Keer with its |q| preconditioner, in double precision.
 
-    The tolerance bounds two numbers over the range of heights: Frank and Wolfe's duality gap per
-    force, and the largest penetration.
+    The tolerance of a solve bounds two numbers over the range of heights: Frank and Wolfe's duality
+    gap per force, and the largest penetration.
 
     Parameters
     ----------
@@ -289,7 +289,8 @@ def single_grid(
     spacing : float
         Spacing of the nodes [um].
     precond : {"fourier", "fourier-fft"}
-        How the preconditioner works: by a stencil, or by transforms of the grid.
+        How the preconditioner works, by ASPHER's names: "fourier" is a stencil, "fourier-fft"
+        transforms the grid.
     backend : {"fft", "periodic"}
         Boundary of the patch; "fft" is a free patch.
 

@@ -28,7 +28,8 @@ ROUNDING = 1e-9
 """Largest difference of two convolutions of one pressure through rounding [Delta]."""
 
 SUM_ROUNDING = 1e-12
-"""Largest difference of two sums over a grid through rounding: of forces [1], of shares [%]."""
+"""Largest difference of two sums over a grid through rounding: relative for forces [1], in
+percentage points for shares of the patch [%]."""
 
 ONE_ROUNDING = 1e-15
 """Largest relative difference of two numbers that a few roundings make [1]."""
@@ -102,8 +103,9 @@ def honesty(
     Yields
     ------
     Finding
-        Difference of the residual [Delta, or um if Delta <= 0], relative difference of the force
-        [1], and difference of the area [% of the patch].
+        Difference of the stated residual from the recomputed violation [Delta, or um if
+        Delta <= 0], relative difference of the force [1], and difference of the area [% of the
+        patch].
     """
     recomputed = violation(problem, contact.pressure, displace)
     yield Finding(
@@ -445,7 +447,7 @@ def contact_case(
         Heights [um], or a function that makes them when the case is run.
     delta : float or callable
         Displacement [um], or a function that returns it for heights [um]. It is not used if the
-        further arguments hold a pressure or a force.
+        further arguments hold a pressure or a force other than 0.
     checks : sequence of Check
         Checks besides complementarity and honesty, which every contact has to pass.
     largest_ratio : float
@@ -466,16 +468,16 @@ def contact_case(
     def examine() -> Answer:
         """Solve the contact and judge it; an error of the solve becomes the answer."""
         heights = surface() if callable(surface) else surface
-        displacement = delta
-        if callable(displacement):
-            displacement = displacement(np.asarray(heights, np.float64))
-        problem = Setup(heights, displacement, **arguments)
+        given_delta = delta
+        if callable(given_delta):
+            given_delta = given_delta(np.asarray(heights, np.float64))
+        problem = Setup(heights, given_delta, **arguments)
         try:
             contact = problem.solve()
         except Exception as error:  # any error: `run_case` judges it
             return Answer(one_line(error), input=problem.describe(), raised=error)
-        if problem.pressure is not None:
-            # The checks need the displacement that belongs to the mean pressure.
+        if problem.given_force:
+            # The checks need the displacement that belongs to the force or the mean pressure.
             problem = replace(problem, delta=contact.approach)
         return judge(problem, contact, checks, largest_ratio)
 
@@ -550,7 +552,7 @@ def ordinary_iterations(shape: tuple[int, int]) -> int:
     """Count the iterations of the ordinary contact on a grid.
 
     The ordinary contact is the paper's surface, cropped to the grid, with a spacing of 1 um, at
-    Delta = 25 um. It is solved once for each grid.
+    Delta = 25 um. A later call for the same grid returns the first result.
 
     Parameters
     ----------

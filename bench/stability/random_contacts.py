@@ -175,12 +175,20 @@ LIMITS = {
     "residual off": RTOL + ROUNDING,
     "yielded depth off": RTOL + ROUNDING,
 }
-"""Largest numbers that pass, by the name of the finding; they replace larger ones of the check
-[Delta]."""
+"""Largest errors that pass, by the name of the finding. They replace larger ones of `honesty` and
+`says_what_yields` [Delta]."""
 
 
 def yielding() -> Iterator[Case]:
-    """Yield ten blocks of bodies that yield, which are compared with least squares."""
+    """Make the cases in which bodies with a hardness are compared with least squares.
+
+    They have 1,000 contacts, `BLOCK` in each case. The quick table has the first case.
+
+    Yields
+    ------
+    Case
+        The cases, in the order of their seeds.
+    """
     yield from _blocks(
         family="least squares",
         contacts=1000,
@@ -259,7 +267,7 @@ def expected(problem: Setup) -> dense.DenseContact:
         hardness=problem.bound,
         kernel=problem.kernel,
         aspect=problem.aspect,
-        sides=dense.by_least_squares,
+        find_start=dense.by_least_squares,
     )
 
 
@@ -286,7 +294,7 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
     reference = expected(problem)
     pressure = reference.pressure
     gap = reference.gap
-    force = float(pressure.sum()) * problem.aspect
+    force = float(pressure.sum()) * problem.cell_area
     yield Finding(
         name="force off least squares",
         error=abs(contact.force / force - 1),
@@ -326,9 +334,9 @@ def judge_yielding(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
 
 
 def judge_both_ways(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """Compare a contact with least squares, then solve the problem otherwise and compare again.
+    """Compare a contact with least squares, then solve the problem by iterations and compare again.
 
-    The second solve is by iterations alone: it never factorises the matrix of the nodes in contact.
+    The second solve never factorises the matrix of the nodes in contact.
 
     Parameters
     ----------
@@ -343,7 +351,7 @@ def judge_both_ways(problem: Setup, contact: bem.Contact) -> Iterator[Finding]:
         The findings of `judge_yielding` about both contacts.
     """
     yield from judge_yielding(problem, contact)
-    # No set of nodes is then small enough to be factorised.
+    # With a limit of 0 nodes, no set of nodes is small enough to be factorised.
     with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
         yield from judge_yielding(problem, problem.solve())
 
@@ -437,8 +445,9 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
 def _mean_pressure(random: Random, problem: Setup, reference: Patch) -> float:
     """Draw a mean pressure over the patch [MPa].
 
-    It is log-uniform from a thousandth of that of full elastic contact to twice it. On a flat
-    surface, a sum of the nodes' pressures of 1 MPa for E* = 1 MPa replaces that of full contact.
+    The pressure is log-uniform from a thousandth of the mean pressure of full elastic contact to
+    twice this pressure. A flat surface has full contact under any pressure. There the pressure of
+    full contact is replaced by E* over the number of nodes.
     """
     # Loads are sums of the nodes' pressures for E* = 1 MPa.
     full_contact = reference.full_contact_load
@@ -490,10 +499,12 @@ def patch_of(problem: Setup) -> Patch:
     Returns
     -------
     Patch
-        The patch for E* = 1 MPa: its pressures and its hardness are over the modulus.
+        The patch for E* = 1 MPa: its pressures and its hardness are over the modulus, which is E*
+        because these problems have a Poisson's ratio of 0.
     """
     rows, columns = problem.surface.shape
     dx, dy = problem.cell
+    # The boundary is never "free" here; this narrows its type.
     boundary: Boundary = "mirror" if problem.boundary == "mirror" else "periodic"
     return Patch(
         heights=problem.surface,

@@ -71,7 +71,9 @@ def paper(
 
 
 def cropped_paper(shape: tuple[int, int]) -> Field:
-    """Crop the paper's surface, generated on the smallest grid that contains a given one.
+    """Return a corner of the paper's surface on the smallest grid that holds the corner.
+
+    The grid has 2^k + 1 nodes a side. The result has heights only: callers choose the spacing.
 
     Parameters
     ----------
@@ -84,6 +86,7 @@ def cropped_paper(shape: tuple[int, int]) -> Field:
         Heights of a corner, read-only [um].
     """
     rows, columns = shape
+    # The generator needs 2 steps (3 nodes) or more.
     steps = max(rows - 1, columns - 1, 2)
     # 2^k is the smallest power of two that is at least `steps`.
     k = (steps - 1).bit_length()

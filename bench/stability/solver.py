@@ -224,6 +224,7 @@ def _roughness() -> Iterator[Case]:
         yield case(f"H = {hurst:g}, large contact", heights, 200.0)
     yield case("σ0 = 0: flat, edge singular", paper(sigma0=0.0))
     for delta in (1.0, 10.0, 100.0, 1000.0):
+        # White noise has σ = 1 um.
         yield case(f"white noise, Δ = {delta:g} σ", white_noise, delta)
     plane = np.linspace(0.0, SIDE, NODES)[:, None]
     for delta in (1.0, 25.0, 700.0, 5000.0):

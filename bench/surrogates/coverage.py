@@ -89,7 +89,8 @@ FOREIGN = (*SCENES["kinds"], *kinds.NAMES)
 were made after the features had been chosen, so that they test the features independently."""
 
 SHARES = {FINE[257]: 6, FINE[513]: 15, "broad-fine": 6, **dict.fromkeys(FOREIGN, 6)}
-"""Number of rows of the preset over that of a database, for databases that have fewer rows."""
+"""Number of rows of the preset over the number of rows of a database, by the database's name. Other
+databases have as many rows as the preset."""
 
 BROAD = tuple(name for name in preset_names() if name.startswith("broad-"))
 """Names of the presets with many kinds of surfaces, which train a surrogate together."""
@@ -352,16 +353,18 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     folder : Path
         Folder of the report. Databases are generated in its folder `databases`, and kept.
     rows : int
-        Number of rows of the preset, `FEWEST` or more.
+        Number of rows of each database (fewer for those in `SHARES`), and the largest number of
+        rows that are drawn to train and test a surrogate; `FEWEST` or more.
     seeds : int
         Number of draws of the training rows, 1 or more.
 
     Returns
     -------
     Report
-        Table `coverage-seeds` with a row for each seed, and tables `coverage` and `kinds` with
-        means over the seeds. `kinds` has the cases that are tested on kinds of surfaces which train
-        no surrogate, `coverage` the other cases.
+        Table `coverage-seeds` with a row for each case, target and seed, and for each kind of
+        surfaces of a case that is judged by several. Tables `coverage` and `kinds` have means over
+        the seeds. `kinds` has the cases that are tested on kinds of surfaces which train no
+        surrogate, `coverage` the other cases.
 
     Raises
     ------
@@ -378,7 +381,9 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
         datasets = _read(*(paths[name] for name in pool))
         for target, of_target in zip(TARGETS, datasets, strict=True):
             for seed in range(seeds):
-                judged += _judged_pool(pool, of_target, target, rows, seed)
+                judged += _judged_pool(
+                    pool, of_target, target=target, row_limit=rows, seed=seed
+                )
     table = pooled(judged)
     return Report(
         {
@@ -402,7 +407,9 @@ def _judged_pool(
             {"target": target, **row} for row in _judged(case, rows, row_limit, seed)
         ]
         share = of_case[0]["covered_unflagged"]  # of all rows that judge
-        remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
+        remark(
+            f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in {100 * LEVEL:g} %"
+        )
         judged += of_case
     return judged
 

@@ -5,8 +5,9 @@ the spacing along x and y [um] and a random generator, from which it draws the p
 kind; it returns the heights [um].
 
 The surfaces of a seed depend on the order in which a function draws its numbers. In this file "the
-side" is the length of the patch, and x and y over the side run from 0 to 1. Each function scales
-its heights to the rms height at its end, so that heights before have no unit.
+side" is the length of the patch, and x and y over the side run from 0 to 1. `stepped`, `patchy`,
+`brushed` and `holed` change a surface of the paper preset, whose heights are in um. Every other
+function scales its heights to a drawn rms height at its end; until then, they have no unit.
 """
 
 from functools import partial
@@ -110,10 +111,10 @@ def _axes(shape: Shape) -> tuple[Heights, Heights]:
 
 
 def _across(x: Heights, y: Heights, angle: float, rng: np.random.Generator) -> Heights:
-    """Return the signed distances of all nodes from a straight line, over the side, (nx, ny).
+    """Return the signed distances of all nodes from a straight line, (nx, ny) [side].
 
-    `x` and `y` are those of `_axes`. The line goes through a drawn point. It is normal to the
-    direction with this angle from x towards y [rad].
+    `x`, (nx, 1), and `y`, (1, ny), are the results of `_axes`. The line goes through a drawn point.
+    `angle` is the angle from x towards y of the line's normal [rad].
     """
     along_x = (x - rng.uniform()) * np.cos(angle)
     along_y = (y - rng.uniform()) * np.sin(angle)
@@ -402,7 +403,9 @@ def truncated(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
 
 
 def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a slightly worn self-affine surface, with crossing scratches, narrow and wide ones.
+    """Make a slightly worn self-affine surface, with crossing scratches like a cylinder liner's.
+
+    Every fourth scratch is wide, the others are narrow.
 
     Parameters
     ----------
@@ -416,15 +419,17 @@ def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """
     x, y = _axes(shape)
     heights = _self_affine(shape, spacing, rng)
-    angle = rng.uniform(0.3, 1.2)
+    angle = rng.uniform(0.3, 1.2)  # of the normals of the scratches from x [rad]
     # Wear makes the heights above the mean smaller.
     heights = np.where(heights > 0, rng.uniform(0.3, 1.0) * heights, heights)
     for number in range(int(rng.integers(8, 40))):
         # Successive scratches cross: their angles have opposite signs.
         across = _across(x, y, angle * (-1) ** number, rng)
         if number % 4 == 0:
-            width = rng.uniform(0.03, 0.06)
-            depth = rng.uniform(0.2, 2.0)
+            width = rng.uniform(0.03, 0.06)  # over the side
+            depth = rng.uniform(
+                0.2, 2.0
+            )  # over the rms height of the self-affine surface
         else:
             width = rng.uniform(0.008, 0.015)
             depth = rng.uniform(0.2, 1.0)
@@ -433,7 +438,7 @@ def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
 
 
 def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Make a self-affine surface with round pores of random sizes.
+    """Make a self-affine surface with round pores of random places, radii and depths.
 
     Parameters
     ----------
@@ -449,9 +454,10 @@ def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     heights = _self_affine(shape, spacing, rng)
     for _ in range(int(rng.integers(5, 60))):
         centre = rng.uniform(size=2)
-        radius = rng.uniform(0.01, 0.05)
-        square = ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / radius**2
-        heights = heights - rng.uniform(0.5, 3.0) * np.maximum(1 - square, 0.0)
+        radius = rng.uniform(0.01, 0.05)  # over the side
+        squared = ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / radius**2
+        depth = rng.uniform(0.5, 3.0)  # over the rms height of the self-affine surface
+        heights = heights - depth * np.maximum(1 - squared, 0.0)
     return _sized(heights, rng)
 
 

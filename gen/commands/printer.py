@@ -151,8 +151,8 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
     scene : Scene
         A completed scene.
     path : Path, optional
-        The database of a run that is only shown. If it is given, a line tells whether the file
-        exists.
+        The file that the run would write (`--dry-run`). If it is given, a line tells whether the
+        file exists and that nothing was written.
     """
     from gen.database import file_bytes
     from gen.generation.trial import doubts_before

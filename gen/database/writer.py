@@ -99,7 +99,8 @@ class Writer(Reader):
         self.path = path
         self._communicator = communicator
         self._unsynced: list[Unsynced] = []
-        # Time of the last sync by `time.monotonic` [s]; -inf before the first one.
+        # Time of the last sync by `time.monotonic` [s]. It is -inf before the first one: the first
+        # block that is written is synced at once.
         self._last_sync = -math.inf
         # If the file is refused, `opened` closes it. Otherwise this object takes over the closing.
         with ExitStack() as opened:
@@ -285,7 +286,8 @@ class Writer(Reader):
         """Write the statuses that wait, and wait until all data are on the disk.
 
         This is called before the file closes. A file that another program has overwritten is left
-        alone. A file that was moved or deleted still gets its statuses.
+        alone. A file that was moved or deleted still gets its statuses. InputError if the disk is
+        full or fails.
         """
         # The first block that is written is synced at once, so a writer that has not synced has
         # written nothing.

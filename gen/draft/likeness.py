@@ -22,7 +22,7 @@ from gen.statistics import rms_slope
 
 NODES = 128  # nodes along each side of the surfaces
 # Largest factor by which the spectrum may be off its law, and by which the rms height of generated
-# surfaces may be off the map's, without a doubt. Isotropic made maps have 1.1.
+# surfaces may be off the map's, without a doubt. Generated isotropic maps have 1.1.
 UNLIKE = 1.4
 LAY = 1.25  # smallest ratio of the rms slopes along both axes with which a map has a lay
 TRIAL_SURFACES = 8  # number of surfaces that are generated and compared with the map
@@ -51,8 +51,8 @@ class Likeness:
     # the law in round numbers for the generator, with the stretch of a map that has a lay
     spectrum: SelfAffineSpectrum
     spacing: float  # distance of the nodes of generated surfaces along both axes [um]
-    # Value for the generator: the rms slope of the waves [1]. With it, generated surfaces have the
-    # rms slope between nodes of the map's windows.
+    # Value of the generator's parameter: the rms slope of all waves [1]. With it, the rms slope
+    # between the nodes of generated surfaces is that of the map's windows.
     rms_slope: float
     windows: Roughness  # roughness of windows of the map
     rms_height: float  # median of the rms heights of generated surfaces with this `rms_slope` [um]

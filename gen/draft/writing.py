@@ -35,7 +35,7 @@ SPREAD = 1.25
 # largest difference between the Hurst exponents of the map and of a surface
 HURST_SPREAD = 0.05
 
-# Fewest tiles of which the test part (a fifth) has two.
+# Fewest tiles without a warning. With fewer, the test part (a fifth of them) has less than two.
 FEW_TILES = 10
 
 # Nodes in contact under the smallest load. With fewer, the area is a count of single nodes.

@@ -149,9 +149,8 @@ def parameters(scene: Scene, start: int, stop: int) -> Plan:
     per_surface = scene.samples_per_surface
     surface = np.arange(start, stop, dtype=np.int64) // per_surface
     first = start // per_surface  # first surface
-    last = -(
-        -stop // per_surface
-    )  # the surface behind the last one; the quotient is rounded up
+    # The surface behind the last one: the quotient is rounded up.
+    last = -(-stop // per_surface)
     drawn = _drawn_parameters(scene, first, last)
     places = {}
     if scene.surface.cuts_windows:
@@ -207,9 +206,8 @@ def _loads(scene: Scene, start: int, stop: int) -> Values:
         before=len(FRACTAL) * SURFACES_PER_STREAM,
     )
     first = start // per_surface  # first surface
-    last = -(
-        -stop // per_surface
-    )  # the surface behind the last one; the quotient is rounded up
+    # The surface behind the last one: the quotient is rounded up.
+    last = -(-stop // per_surface)
     # The numbers of all rows of these surfaces, shape (rows, 2), then of the wanted rows.
     pairs = stream.uniform(first, last).reshape(-1, 2)
     first_row = first * per_surface

@@ -41,7 +41,7 @@ MOST_NODES = 513**2
 long."""
 
 SHARE = 20
-"""Smallest number of rows of a run for each row of its trial, if a trial is not cheap."""
+"""A trial that is not cheap tries at most one row for every `SHARE` rows of the run."""
 
 LONGEST = 5.0
 """Largest time for a surface of a trial, and for each of its contacts [s]."""

@@ -54,7 +54,8 @@ from gen.surface import (
     pair,
 )
 
-# prepared maps that this process has opened, by the table of one body with its recorded maps
+# Prepared maps that this process has opened. A key is the table of one body (`first_body` of the
+# table of a scene) with its recorded maps.
 _OPEN: dict[ScanSurface, library.Library] = {}
 
 MOST_PATTERNS = 1000  # largest number of names in the list of files
@@ -422,9 +423,10 @@ class ScanSurface(GeneratedSurface):
         ]
 
     def _remarks_on_body(self, name: str) -> list[str]:
-        """Return lines about the open maps of a table of one body.
+        """Return lines about the maps of this table, which describes one body.
 
-        The lines, or for a warning the words after "warning: ", begin with `name`.
+        `make_ready` has opened the maps before. Each line begins with `name`; in a warning, `name`
+        follows "warning: ".
         """
         maps = _OPEN[self]
         recorded = self.recorded_maps()
@@ -453,10 +455,11 @@ class ScanSurface(GeneratedSurface):
         }
 
     def tile_groups(self) -> int:
-        """Return the number of groups of tiles, which are the values of the column `tile`.
+        """Return the number of groups of tiles.
 
-        Both windows of a surface come from tiles of one group, and each group has tiles of both
-        bodies. So parts of a database with different groups share no node of either body.
+        Tile t of either body is in the group t % number, and the column `tile` has the group of
+        each surface. Both windows of a surface come from tiles of one group, and each group has
+        tiles of both bodies. So rows of different groups share no node of either body.
 
         Returns
         -------

@@ -37,7 +37,8 @@ ROUNDS = 5
 """Largest number of times that an interval between two loads is halved."""
 
 LINE_ROUNDS = 2
-"""Largest number of times that it is halved if contacts for straight lines are solved next."""
+"""Largest number of times that an interval is halved before contacts for straight lines are
+solved."""
 
 NEAR = 1.5
 """Ratio of the middle to the lower load above which an interval is halved even if its middle is
@@ -60,11 +61,12 @@ CLOSEST = 1.003
 """Ratio of neighbouring loads below which a jump of the conductance is not resolved further."""
 
 CHECKS = 20
-"""Largest number of contacts with which lines are compared and which had no part in laying them."""
+"""Largest number of checks of a table: contacts with which its lines are compared, and which had no
+part in laying them."""
 
 CHECK_AT = (5**0.5 - 1) / 2
-"""Place of these contacts in the interval between two loads, as a share of it on a logarithmic
-scale: the golden section, which no halving meets."""
+"""Place of a check in the interval between two loads, as a share of the interval on a logarithmic
+scale. It is the golden section, so that no halving has solved a contact there."""
 
 
 def in_range(curves: Curves, nodes: int) -> NDArray[np.bool_]:
@@ -168,7 +170,7 @@ def solve_for_lines(table: Curves, nodes: int, solve: Solve) -> Curves | None:
     Curves or None
         The further contacts; None without any.
     """
-    if not table.conducting:
+    if not table.conductance_name:
         return solve_between(table, nodes, solve)
     between = solve_between(table, nodes, solve, rounds=LINE_ROUNDS)
     if between is None:
@@ -194,9 +196,9 @@ def _doubtful(solved: Curves, at_loads: NDArray[np.bool_], nodes: int) -> Values
     at loads of the law, (k,).
     """
     pressures = solved.at
-    conductances = solved.curves[solved.conducting].value
+    conductances = solved.curves[solved.conductance_name].value
     close = in_range(solved, nodes)
-    at_rest = solved.at_rest.get(solved.conducting, 0.0)
+    at_rest = solved.at_rest.get(solved.conductance_name, 0.0)
     # First touch, at a pressure of 0, comes before the contacts.
     column = Column.through(
         at=np.append(0.0, pressures),
@@ -233,8 +235,8 @@ def check_loads(table: Curves) -> Values:
     Returns
     -------
     ndarray, shape (m,)
-        At most `CHECKS` loads between loads of the table [um or MPa]; none if it has fewer than two
-        above 0.
+        At most `CHECKS` loads between loads of the table [um or MPa]. None if fewer than two loads
+        of the table are above 0 and inside a surrogate's training.
     """
     at = _usable(table).at
     if at.size < 2:
@@ -252,8 +254,9 @@ def _usable(table: Curves) -> Curves:
 def _missed(solved: Curves, contacts: Curves) -> Values:
     """Return the relative distances of contacts from the curves through a table, (m,).
 
-    Each is the larger distance of pressure over closure and, if there is one, of the conductance
-    over the pressure. All are 0 for a table over Delta, whose intervals are halved by width alone.
+    Each contact has two distances: from the curve of the pressure over the closure and, if the
+    table has a conductance, from its curve over the pressure. The larger one is returned. All are 0
+    for a table over Delta, whose intervals are halved by width alone.
     """
     missed = np.zeros(contacts.at.size)
     if solved.against != PRESSURE.in_laws:
@@ -264,7 +267,7 @@ def _missed(solved: Curves, contacts: Curves) -> Values:
         foreseen = curve_through(closures[kept], solved.at[kept])
         at = contacts.curves[CLOSURE.in_laws].value
         missed = np.maximum(missed, np.abs(foreseen(at) / contacts.at - 1))
-    if name := solved.conducting:
+    if name := solved.conductance_name:
         foreseen = curve_through(solved.at, solved.curves[name].value, power_law=True)
         values = contacts.curves[name].value
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -285,8 +288,8 @@ def merged(first: Curves, second: Curves) -> Curves:
     Returns
     -------
     Curves
-        The table at the arguments of both, with the quantities that both have. Values of single
-        surfaces and `grid` are dropped.
+        The table at the arguments of both tables, with the quantities that both tables have. Values
+        of single surfaces and `unresolved` are dropped.
     """
     at = np.append(first.at, second.at)
     order = np.argsort(at, kind="stable")
@@ -303,7 +306,7 @@ def merged(first: Curves, second: Curves) -> Curves:
         outside=np.append(first.outside, second.outside)[order],
         reasons=tuple(reasons[order]),
         flagged=np.append(first.flagged, second.flagged)[order],
-        grid=(),
+        unresolved=(),
     )
 
 
@@ -317,8 +320,8 @@ def _joined(
 ) -> Curve:
     """Join two curves of a quantity, without the values of single surfaces.
 
-    `at` has the arguments of the first curve, then those of the second. `order` are the indices
-    that sort it. `at_rest` is the value at first touch.
+    `at` has the arguments of the first curve, then the arguments of the second one. `order` are the
+    indices that sort `at`. `at_rest` is the value at first touch.
     """
     parts: dict[str, Values] = {}
     for part in ("value", "low", "high"):

@@ -230,7 +230,7 @@ def _with_conductance(table: Curves, order: Order, bodies: Bodies) -> Curves:
 
 
 def _few_nodes(over_pressure: Curves, nodes: int) -> str:
-    """Say up to which pressure fewer than `FEW` nodes touch; "" if more touch at all pressures.
+    """Say up to which pressure fewer than `FEW` nodes touch; "" if no pressure has so few.
 
     `nodes` is the number of nodes of the smallest surface. `over_pressure` has the area [%] against
     the pressure [MPa].
@@ -319,7 +319,8 @@ def _table(
     table = tabulated(
         ARGUMENTS[load], loads, parts, order.coverage, mean_at_rest(at_rest)
     )
-    return replace(table, grid=parts[0].grid)  # judged on the first surface alone
+    # The grid is judged on the first surface alone.
+    return replace(table, unresolved=parts[0].unresolved)
 
 
 def _without_reversals(points: Points) -> Points:
@@ -387,10 +388,11 @@ def _below_hardness(pressures: Values, bodies: Bodies) -> Values:
 
 
 def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
-    """Return a law with contacts between the points of the tables that its order names.
+    """Return a law with further contacts between its loads, for programs that join its points.
 
-    If only contacts between the pressures are wanted, they are for tables of finite elements.
-    These have neither an area in the continuum nor apertures, which are not computed then.
+    Contacts between the pressures are always solved, those between the Deltas only if
+    `order.between` names "delta". Without "delta" the contacts serve tables of finite elements,
+    which hold neither the area in the continuum nor apertures: these two are not computed then.
     """
     order = law.order
     over_delta = "delta" in order.between
@@ -406,6 +408,7 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
         checks = between.at_checks(check_loads(law.over_pressure))
     deltas: Curves | None = None
     if over_delta and len(solver.surfaces) == 1:
+        # Contacts of one surface between pressures are contacts between Deltas too.
         deltas = between.same_over_delta()
     elif over_delta:
         deltas = solve_between(law.over_delta, law.nodes, between.at_deltas, rounds=1)

@@ -3,10 +3,10 @@
 Both hold monotone cubics with consistent tangents. The names in the C header come from the name of
 its file, so that one program can include several laws.
 
-4C imports a Python file. It calls the functions there with the gap at a node, which is negative
-where the bodies overlap, and with the offset of its input: the overlap at which they touch. The law
-acts where gap + offset <= 0. Pressures of 4C are negative, so their derivatives with respect to the
-gap are positive.
+4C imports the Python file, and calls its functions with two lengths. The first is the gap at a
+node, which is negative where the bodies overlap. The second is the offset, which the input of 4C
+states: the overlap at which the rough surfaces first touch. The law acts where gap + offset <= 0.
+Pressures of 4C are negative, so their derivatives with respect to the gap are positive.
 """
 
 import re
@@ -33,7 +33,7 @@ from gen.law.finite_elements import (
 )
 from gen.law.lines import Deviation
 from gen.options import Units
-from gen.quantities import ALSO, CLOSURE, IN_LAWS
+from gen.quantities import ALSO, CLOSURE, CONTINUUM, IN_LAWS
 from gen.runtime import VERSION, files
 from gen.runtime.installation import git_commit
 
@@ -155,10 +155,17 @@ def _band_in_words(law: Law) -> str:
             f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
         )
     functions = "No functions _low and _high"
-    # The area in the continuum is the only quantity whose band `Curves.banded` does not consider.
-    if any(curve.banded.all() for curve in law.over_pressure.curves.values()):
+    # `_functions_of` writes them for each table with a complete band of this area.
+    tables = (law.over_delta, law.over_pressure)
+    if any(_has_band_of_area_everywhere(table) for table in tables):
         functions = "Functions _low and _high of the area in the continuum alone"
     return f"{functions}. Band: {law.band}."
+
+
+def _has_band_of_area_everywhere(table: Curves) -> bool:
+    """Return whether the area in the continuum has a band at every point of a table."""
+    area = table.curves.get(CONTINUUM.in_laws)
+    return area is not None and bool(area.banded.all())
 
 
 def short_name(quantity: str) -> str:
@@ -266,7 +273,7 @@ def _functions_of(law: Law, table: Curves, between: Curves | None) -> Iterator[F
         yield _function(law, table, between, quantity, part="value")
         # If the table has a band anywhere, all quantities have functions for both ends of the band,
         # which are NAN where no band holds. Otherwise only the area in the continuum may have them:
-        # its band is not part of `Curves.banded`.
+        # it has them if its band, which `Curves.banded` does not consider, is complete.
         if table.banded or curve.banded.all():
             yield _function(law, table, between, quantity, part="low")
             yield _function(law, table, between, quantity, part="high")

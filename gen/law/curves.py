@@ -31,8 +31,8 @@ from gen.quantities import (
 from gen.runtime.errors import InputError
 
 OUTSIDE_SHARE = 0.5
-"""Share of the surfaces outside a surrogate's training above which a row is flagged: it tells
-nothing about the interface."""
+"""Largest share of the surfaces that may be outside a surrogate's training at a row of a table. A
+row with a larger share is flagged, because it tells nothing about the interface."""
 
 APART = 1e-9
 """Relative difference up to which two numbers are taken to be equal, as rounding explains it."""
@@ -56,10 +56,10 @@ class Points:
     reasons: tuple[str, ...] = ()
     # For each load inside the training without an interval, why it has none; "" for other loads.
     # Empty if all loads have one.
-    endless: tuple[str, ...] = ()
+    why_no_interval: tuple[str, ...] = ()
     # For each load, why the grid does not resolve the contact, where the area in the continuum is
     # then not known; "" where it does. Empty if that was not judged.
-    grid: tuple[str, ...] = ()
+    unresolved: tuple[str, ...] = ()
 
     def changed(
         self, change: Callable[[str, Values], Values], reasons: tuple[str, ...]
@@ -77,7 +77,7 @@ class Points:
         Returns
         -------
         Points
-            New points under m loads, with neither `endless` nor `grid`.
+            New points under m loads, with neither `why_no_interval` nor `unresolved`.
         """
 
         def all_changed(arrays: dict[str, Values]) -> dict[str, Values]:
@@ -92,7 +92,7 @@ class Points:
         )
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
-        """Return the points at some of the loads; `endless` is dropped.
+        """Return the points at some of the loads; `why_no_interval` is dropped.
 
         Parameters
         ----------
@@ -106,12 +106,12 @@ class Points:
         """
         reasons = texts_at(self.reasons, places)
         points = self.changed(lambda _, array: array[places], reasons)
-        if not self.grid:
+        if not self.unresolved:
             return points
-        return replace(points, grid=texts_at(self.grid, places))
+        return replace(points, unresolved=texts_at(self.unresolved, places))
 
     def from_rest(self, at_rest: Mapping[str, float]) -> Points:
-        """Put first touch, Delta = 0, before all loads; `endless` is dropped.
+        """Put first touch, Delta = 0, before all loads; `why_no_interval` is dropped.
 
         Parameters
         ----------
@@ -127,9 +127,9 @@ class Points:
             lambda name, array: np.append(at_rest.get(name, 0.0), array),
             ("", *self.reasons),
         )
-        if not self.grid:
+        if not self.unresolved:
             return points
-        return replace(points, grid=("", *self.grid))
+        return replace(points, unresolved=("", *self.unresolved))
 
 
 def texts_at(
@@ -195,14 +195,14 @@ class Curves:
     # For each argument, why the grid does not resolve the contact, where the area in the continuum
     # is then not known; "" where it does. A population is judged on its first surface. Empty
     # if that was not judged.
-    grid: tuple[str, ...] = ()
+    unresolved: tuple[str, ...] = ()
 
     @property
     def resolved(self) -> NDArray[np.bool_] | None:
         """True where the grid resolves the contact, (k,); None if that was not judged."""
-        if not self.grid:
+        if not self.unresolved:
             return None
-        return np.array([not reason for reason in self.grid])
+        return np.array([not reason for reason in self.unresolved])
 
     @property
     def resolved_somewhere(self) -> bool:
@@ -220,7 +220,7 @@ class Curves:
         )
 
     @property
-    def conducting(self) -> str:
+    def conductance_name(self) -> str:
         """Name of the conductance of the interface; "" if there is none.
 
         It is that of spots and gas together, else that of the spots, else that of the gas.
@@ -245,9 +245,9 @@ class Curves:
             differ from the slopes of this table.
         """
         at = self.at[places]
-        grid = self.grid
-        if grid:
-            grid = texts_at(grid, places)
+        unresolved = self.unresolved
+        if unresolved:
+            unresolved = texts_at(unresolved, places)
         curves: dict[str, Curve] = {}
         for name, curve in self.curves.items():
             value = curve.value[places]
@@ -268,7 +268,7 @@ class Curves:
             outside=self.outside[places],
             reasons=texts_at(self.reasons, places),
             flagged=self.flagged[places],
-            grid=grid,
+            unresolved=unresolved,
         )
 
     def below_full_contact(self, bodies: Bodies, *, required: bool) -> BelowFullContact:
@@ -386,7 +386,7 @@ def tabulated(
     Returns
     -------
     Curves
-        The table, with all quantities that every surface has, and without `grid`.
+        The table, with all quantities that every surface has, and without `unresolved`.
 
     Raises
     ------
@@ -398,9 +398,8 @@ def tabulated(
     withheld = outside > (1 - level) / 2  # where there is no band
     if len(parts) == 1:
         reasons = _reasons_of_one_surface(parts[0])
-        if parts[
-            0
-        ].endless:  # points inside the training without an interval have a reason, too
+        # Points inside the training without an interval have a reason, too.
+        if parts[0].why_no_interval:
             withheld |= np.array(reasons, dtype=bool)
     else:
         reasons = _reasons_of_population(parts)
@@ -427,10 +426,10 @@ def tabulated(
 
 def _reasons_of_one_surface(points: Points) -> list[str]:
     """Return for each load why it is outside the training, or else why it has no interval."""
-    if not points.endless:
+    if not points.why_no_interval:
         return list(points.reasons)
-    pairs = zip(points.reasons, points.endless, strict=True)
-    return [reason or endless for reason, endless in pairs]
+    pairs = zip(points.reasons, points.why_no_interval, strict=True)
+    return [why_outside or why_no_interval for why_outside, why_no_interval in pairs]
 
 
 def _reasons_of_population(parts: Sequence[Points]) -> list[str]:
@@ -559,7 +558,7 @@ def monotone(points: Points) -> Monotone:
 
     Delta, quantities that turn, and quantities with a value that is not finite stay unchanged.
     Points outside the training have a small weight, so that they hardly move the points inside.
-    `endless` and `grid` are dropped.
+    `why_no_interval` and `unresolved` are dropped.
 
     Parameters
     ----------
@@ -610,7 +609,7 @@ def continued(points: Points, larger: Points) -> Points:
     Returns
     -------
     Points
-        Points under k + m loads, with neither `endless` nor `grid`.
+        Points under k + m loads, with neither `why_no_interval` nor `unresolved`.
     """
 
     def appended(
@@ -662,7 +661,7 @@ def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
     values : ndarray, shape (k,)
         Numbers in any order.
     apart : float
-        Relative distance by which a value has to be above the last one found.
+        Relative distance by which a value has to be above the last value that was found.
 
     Returns
     -------

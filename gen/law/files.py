@@ -344,7 +344,7 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
         "gap_at_rest_um": table.at_rest[MEAN_GAP.in_laws],
         "share_of_surfaces_outside_the_training": table.outside.tolist(),
         "reasons": list(table.reasons),
-        "grid": list(table.grid),
+        "grid": list(table.unresolved),
         "curves": curves,
     }
 
@@ -432,7 +432,7 @@ def _panels(curves: Curves) -> list[Panel]:
     """
     closure = Panel(curve=curves.curves[CLOSURE.in_laws], label=CLOSURE.label)
     panels = [closure, drawn_area(curves)]
-    name = curves.conducting or STIFFNESS.in_laws
+    name = curves.conductance_name or STIFFNESS.in_laws
     if name in curves.curves:
         panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
     return panels
@@ -466,11 +466,11 @@ def _draw_panel(axis: Any, pressures: Values, panel: Panel, scale: str) -> None:
 def _mark_area_of_nodes(
     axis: Any, pressures: Values, panel: Panel, drawn: NDArray[np.bool_]
 ) -> None:
-    """Mark with circles the points at which the area of the nodes replaces that in the continuum.
+    """Mark with circles the points whose area is that of the nodes, not that in the continuum.
 
-    These are the areas at loads where the grid does not resolve the contact. A point at 0 MPa is
-    not marked. `pressures` are those of the panel, (k,) [MPa]. `drawn` is True at its points that
-    are drawn, (k,).
+    At their loads, the grid does not resolve the contact. A point at 0 MPa is not marked.
+    `pressures` are the pressures of the points of the panel, (k,) [MPa]. `drawn` is True at the
+    points that are drawn, (k,).
     """
     marked = drawn & panel.of_nodes & (pressures > 0)
     if not marked.any():

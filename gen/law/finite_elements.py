@@ -98,7 +98,7 @@ BEYOND = (
 """What files say about pressures above the last one of the law, after "The law ends at ...:"."""
 
 
-class BandEnds(NamedTuple):
+class BandParts(NamedTuple):
     """Names of the attributes of a `Curve` that one file has: "value", "low" or "high"."""
 
     closure: str
@@ -106,9 +106,9 @@ class BandEnds(NamedTuple):
 
 
 SIDES = {
-    "": BandEnds(closure="value", conductance="value"),
-    "soft": BandEnds(closure="high", conductance="low"),
-    "stiff": BandEnds(closure="low", conductance="high"),
+    "": BandParts(closure="value", conductance="value"),
+    "soft": BandParts(closure="high", conductance="low"),
+    "stiff": BandParts(closure="low", conductance="high"),
 }
 """Parts of the curves by the side of the band: "" is the law itself. A soft interface closes
 further under a pressure, and conducts less."""
@@ -174,7 +174,10 @@ class Joint:
 
 
 def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
-    """Return the points of a law that tables over the closure hold.
+    """Return the points of a law from which a table over the closure is written.
+
+    They are first touch, then the usable contacts: contacts inside a surrogate's training that have
+    a closure and, if the law has a conductance, a conductance.
 
     Parameters
     ----------
@@ -198,33 +201,35 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
     table = law.over_pressure
     if between and law.between_pressures is not None:
         table = merged(table, law.between_pressures)
-    ends = SIDES[side]
-    all_closures = getattr(table.curves[CLOSURE.in_laws], ends.closure)
+    parts = SIDES[side]
+    all_closures = getattr(table.curves[CLOSURE.in_laws], parts.closure)
     loaded = table.at > 0
     usable = loaded & np.isfinite(all_closures) & ~table.flagged
-    if table.conducting:
-        all_conductances = getattr(table.curves[table.conducting], ends.conductance)
+    if table.conductance_name:
+        all_conductances = getattr(
+            table.curves[table.conductance_name], parts.conductance
+        )
         usable &= np.isfinite(all_conductances)
     usable_places = np.flatnonzero(usable)
-    closures = outwards(all_closures[usable_places], ends.closure)
+    closures = outwards(all_closures[usable_places], parts.closure)
     kept = _apart(closures, side)
     if not kept.any():
         reason = ""
         if table.flagged.any():
             reason = (
-                ": no load lies inside the surrogate's training; --solver solves the law"
+                "; no load lies inside the surrogate's training; --solver solves the law"
             )
         raise InputError(
-            f"the law closes nowhere, so that only tables can be written{reason}"
+            f"the law closes nowhere: only --csv and --json can write it{reason}"
         )
     conductances: Values | None = None
-    if table.conducting:
+    if table.conductance_name:
         # The curves over Delta begin at first touch, where only a gas conducts.
-        gas_alone = law.over_delta.curves[table.conducting].value[0]
+        gas_alone = law.over_delta.curves[table.conductance_name].value[0]
         conductances = all_conductances[usable_places]
         # The conductance of the gas alone may fall: contact takes the place of the gap.
-        if trend(table.conducting) == "rises":
-            conductances = outwards(conductances, ends.conductance)
+        if trend(table.conductance_name) == "rises":
+            conductances = outwards(conductances, parts.conductance)
         conductances = np.append(gas_alone, conductances[kept])
     places = usable_places[kept]
     inside = in_range(table, law.nodes)[places]
@@ -313,7 +318,7 @@ def _tables(law: Law, side: str, *, calculix: bool) -> Tables:
         conducting = conductance.laid(CALCULIX_POINTS if calculix else None)
         deviations["conductance"] = conductance.deviation(conducting)
         if not side:
-            checked = _off_checks(law, conducting, law.over_pressure.conducting)
+            checked = _off_checks(law, conducting, law.over_pressure.conductance_name)
             deviations["conductance"] = deviations["conductance"].or_more(checked)
     return Tables(
         behaviour=behaviour,
@@ -567,10 +572,10 @@ def description(
         f" {between}."
     )
     yield f"The law ends at {pressures[-1]:.6g} MPa: {BEYOND}"
-    if law.over_pressure.conducting and program != "4c":
+    if law.over_pressure.conductance_name and program != "4c":
         yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":
-        yield from _advice_for_calculix(conducts=bool(law.over_pressure.conducting))
+        yield from _advice_for_calculix(conducts=bool(law.over_pressure.conductance_name))
 
 
 def _conductors(law: Law) -> Iterator[str]:
@@ -584,13 +589,13 @@ def _conductors(law: Law) -> Iterator[str]:
 
 def _side_in_words(law: Law, side: str) -> Iterator[str]:
     """Yield paragraphs that say what a side of the band is, and whether `outwards` moved it."""
-    ends = SIDES[side]
+    parts = SIDES[side]
     yield (
-        f"The {side} side of the band: its {ends.closure} closures and {ends.conductance}"
+        f"The {side} side of the band: its {parts.closure} closures and {parts.conductance}"
         " conductances, ends at each load by itself and not the curves of one surface. Band:"
         f" {law.band}."
     )
-    closures = getattr(law.over_pressure.curves[CLOSURE.in_laws], ends.closure)
+    closures = getattr(law.over_pressure.curves[CLOSURE.in_laws], parts.closure)
     if (np.diff(closures[np.isfinite(closures)]) < 0).any():
         yield (
             "Where its closures turn back, this side is drawn outwards until they rise: a band"

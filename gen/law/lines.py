@@ -4,8 +4,8 @@ Programs join the points of a table by straight lines, and a law bends most towa
 where the conductance diverges. Between known points the law is taken to be the monotone cubic
 through the logarithms, because it is nearly a power or an exponential there. A table without a
 bound has its points on this curve. A table with room for few points may have them beside the curve.
-Then lines deviate by the same share above and below it, which is half the deviation of lines
-between points on the curve.
+Then lines deviate by equal shares above and below the curve. Each of these shares is half the
+deviation of lines between points on the curve.
 """
 
 from __future__ import annotations
@@ -243,8 +243,8 @@ class Column:
            `TOLERABLE` at most.
         3. Points beside the law except at 0, at the first load and at the last load.
 
-        The first two need room for all loads. Deviations are those where neither few nor nearly all
-        nodes touch.
+        The first two need room for all loads. Deviations count only where neither few nor nearly
+        all nodes touch.
 
         Parameters
         ----------
@@ -256,8 +256,8 @@ class Column:
         Returns
         -------
         Line
-            Points, the first at the argument 0. It and those at the first and at the last load lie
-            on the law.
+            Points, the first at the argument 0. The points at 0, at the first load and at the last
+            load are on the law.
         """
         if room is None:
             return self._on_law(self._within(GOOD, self.at_loads))
@@ -282,7 +282,7 @@ class Column:
     def _beside_law(self, room: int, kept: Indices, *, filled: bool) -> Line:
         """Lay at most `room` points beside the law, but on it at the kept places.
 
-        Without a path of that many points they lie on the law, too.
+        If there is no path of so few points, all points are on the law.
         """
         places = self._path_within_room(room, kept)
         if places is None:
@@ -294,7 +294,8 @@ class Column:
     def _path_within_room(self, room: int, kept: Indices) -> Indices | None:
         """Return the places of a path of at most `room` points that stays nearest to the law.
 
-        The path goes through the kept places. None if there is none within `MOST_WIDTH`.
+        The path goes through the kept places. Return None if no corridor up to a half width
+        of `MOST_WIDTH` has a path of so few points.
         """
         high = GOOD
         path = self._path(high, kept)
@@ -433,8 +434,8 @@ class Column:
     def _within(self, allowed: float, kept: Indices) -> Indices:
         """Return places, with the kept ones, whose lines on the law deviate by `allowed` at most.
 
-        `allowed` is relative to the law, and divided by the weights. Each line is as long as it may
-        be.
+        `allowed` is relative to the law, and divided by the weights. Each line is made long by
+        `_furthest`.
         """
         places = [0]
         for end in kept[kept > 0].tolist():

@@ -85,7 +85,8 @@ class LawSolver:
     order: Order
     surfaces: Sequence[LawSurface]
     bodies: Bodies
-    # Whether the error of the grid that an order asks for is computed, on the first surface.
+    # False to leave out the error of the grid even if the order asks for it. The error is computed
+    # on the first surface alone.
     judges: bool = True
     # What the progress counts, by the kind of the loads.
     passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)
@@ -93,8 +94,8 @@ class LawSolver:
     def solve(self, load: Load, loads: Values) -> SolvedLoads:
         """Solve every surface under loads that the user gave, and print the progress if it is long.
 
-        Loads that are not solved on every surface, and displacements of full contact of elastic
-        patches without edges, are left out with a remark.
+        Two kinds of loads are left out with a remark: loads that are not solved on every surface,
+        and displacements that press an elastic patch without edges flat (full contact).
 
         Parameters
         ----------
@@ -111,7 +112,8 @@ class LawSolver:
         Raises
         ------
         InputError
-            If a load is not allowed, or none is solved on every surface.
+            If a load is not allowed, if no load is solved on every surface, or if a quantity of a
+            contact overflows.
         """
         possible = self._below_full_contact(load, loads)
         if not possible.loads.size:
@@ -123,7 +125,10 @@ class LawSolver:
     def solve_some(
         self, load: Load, loads: Values, like: Sequence[Points] = ()
     ) -> SolvedLoads:
-        """Solve every surface as `solve` does, but leave out loads that `solve` would refuse.
+        """Solve every surface as `solve` does, and return no contacts where `solve` would fail.
+
+        Where `solve` would raise InputError, the result has contacts under no load, with the reason
+        as a remark. So one load that is not allowed leaves out all loads.
 
         Parameters
         ----------
@@ -132,13 +137,14 @@ class LawSolver:
         loads : ndarray, shape (k,)
             Ascending loads [um or MPa].
         like : sequence of Points
-            Points of each surface, with the quantities that points without any load shall have.
+            Earlier points of each surface. They give the names of the quantities of the result if
+            no load is solved.
 
         Returns
         -------
         SolvedLoads
-            Contacts under some of the loads. If there are none, the points have no load, and are
-            empty if `like` is.
+            Contacts under all or some of the loads, or under none. Under none, `points` has an
+            element for each element of `like`: without `like` it is the empty list.
         """
         possible = self._below_full_contact(load, loads)
         remarks = possible.remarks
@@ -146,7 +152,7 @@ class LawSolver:
             try:
                 return self._solve(load, possible)
             except InputError as error:
-                # In place of the remark on full contact: now no load is left.
+                # This remark replaces the one on full contact: now no load is left.
                 remarks = [f"{NOT_SOLVED}, left out: {error}"]
         nowhere = np.empty(0, dtype=np.int64)
         points = [part.chosen(nowhere) for part in like]
@@ -242,7 +248,8 @@ class LawSolver:
     ) -> SolvedSurface:
         """Put the contacts of one surface into arrays, with its first doubt and remarks.
 
-        If the grid is judged, the area in the continuum has its error as band.
+        At least one of the contacts is solved. If `judged`, the area in the continuum has a band:
+        the area minus and plus the error of the grid.
         """
         pressed = [contact.pressed for contact in contacts if contact.pressed is not None]
         doubts = contact_doubts(surface.heights, self.bodies, load, pressed)
@@ -351,9 +358,10 @@ def _points(contacts: Sequence[SolvedContact]) -> Points:
 
 
 def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Points:
-    """Return the points of `_points` with the error of the grid as band of the area.
+    """Return points whose area in the continuum has a band, and why the grid does not resolve it.
 
-    Band and area are those of the continuum. The contacts are in the order of the points.
+    The band is the area minus and plus the error of the grid, and NaN where the grid does not
+    resolve the contact. The contacts are in the order of the points.
     """
     name = CONTINUUM.in_laws
     area = points.values[name]
@@ -363,7 +371,7 @@ def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Point
         low={name: np.clip(area - error, *CONTINUUM.bounds)},
         high={name: np.clip(area + error, *CONTINUUM.bounds)},
         reasons=points.reasons,
-        grid=tuple(contact.unresolved for contact in contacts),
+        unresolved=tuple(contact.unresolved for contact in contacts),
     )
 
 

@@ -107,7 +107,7 @@ def areal_parameters(topography: Topography, depth: float | None = None) -> Desc
 class _ScaledHeights:
     """Heights about their mean, in a unit near their span.
 
-    Powers of such numbers neither overflow nor vanish.
+    In this unit, powers of heights neither overflow nor vanish.
     """
 
     heights: Heights  # heights about their mean [unit], shape (nx, ny)

@@ -51,16 +51,17 @@ class Opposite:
     turned: str = "x"
     # distance of the second map's centre from the first one's, along x and y of the first map [um]
     shift: Sides = (0.0, 0.0)
-    # whether `reading` is that of the first body; then a file of the second body that states its
-    # own lengths is read by them, see `prepared`
+    # Whether `reading` was given for the first body. Its lengths and its unit may then not suit
+    # this file, and `prepared` leaves them out if they do not.
     shared: bool = True
 
     def prepared(self, boundary: Boundary) -> Topography:
         """Read and prepare the second surface.
 
         A shared reading may have lengths (`side`) or a unit that the second file does not allow,
-        because it states its own. So if reading fails, it is tried again without them, unless
-        `reading.override_scale` is set.
+        because it states its own. So if reading or preparing fails, both are tried again without
+        lengths and unit, unless `reading.override_scale` is set. If they fail again, the first
+        error is raised.
 
         Parameters
         ----------
@@ -158,8 +159,9 @@ def composite(
     -------
     Topography
         The composite surface. It has the steps and warnings of both maps, which begin with "body 1"
-        and "body 2", and one more step. `followed` are the settings that both maps followed, and
-        `unit` is that of the map with the finer grid.
+        and "body 2", and one more step. `followed` are the settings that both maps followed. Its
+        name, heights, sides and doubtful nodes are new. All other fields, as the unit, are those of
+        the map with the finer grid.
 
     Raises
     ------
@@ -176,7 +178,7 @@ def composite(
         )
     step = _step_in_words(first, facing, overlay, turned, shift)
     return replace(
-        overlay.grid,
+        overlay.finer,
         name=name,
         heights=overlay.heights,
         sides=overlay.sides,
@@ -229,10 +231,10 @@ class _Line:
 
 @dataclass(frozen=True, eq=False)
 class _Overlay:
-    """Two maps that are laid on each other: one gives the grid, the other one is added to it."""
+    """Two maps that are laid on each other: the finer one gives the grid, the other is added."""
 
-    grid: Topography  # map with the finer grid
-    added: Topography  # map that is interpolated to this grid
+    finer: Topography  # map with the finer grid; the first one if both are equally fine
+    added: Topography  # the other map, which is interpolated to this grid
     # number of the body of the added map: 1 for the first, 2 for the second
     added_number: int
     along_x: _Line  # nodes of the grid along x that are on the added map
@@ -251,8 +253,8 @@ class _Overlay:
     @property
     def heights(self) -> Heights:
         """Sum of the heights of both maps [um], shape (nx, ny)."""
-        grid = self.grid.heights[self.along_x.nodes, self.along_y.nodes]
-        return grid + self._at_nodes(self.added.heights)
+        of_finer = self.finer.heights[self.along_x.nodes, self.along_y.nodes]
+        return of_finer + self._at_nodes(self.added.heights)
 
     @property
     def sides(self) -> Sides:
@@ -267,8 +269,8 @@ class _Overlay:
         out, because splines would spread them.
         """
         doubtful: NDArray[np.bool_] | None = None
-        if self.grid.doubtful is not None:
-            doubtful = self.grid.doubtful[self.along_x.nodes, self.along_y.nodes]
+        if self.finer.doubtful is not None:
+            doubtful = self.finer.doubtful[self.along_x.nodes, self.along_y.nodes]
         if self.added.doubtful is None or not self.exact:
             return doubtful
         of_added = self._at_nodes(self.added.doubtful.astype(np.float64)) > 0
@@ -277,7 +279,7 @@ class _Overlay:
     @property
     def warnings(self) -> list[str]:
         """One line if the spacings differ by more than a factor of `COARSE`, otherwise no line."""
-        ratio = max(np.divide(self.added.spacing, self.grid.spacing).tolist())
+        ratio = max(np.divide(self.added.spacing, self.finer.spacing).tolist())
         if ratio <= COARSE:
             return []
         warning = (
@@ -290,10 +292,10 @@ class _Overlay:
         """Return the length of the sum along an axis [um]."""
         nodes = self.shape[axis]
         # All nodes: return the side as it is, not a product that rounds.
-        if nodes == self.grid.heights.shape[axis]:
-            return self.grid.sides[axis]
-        spacings = nodes - 1 if self.grid.boundary == "free" else nodes
-        return spacings * self.grid.spacing[axis]
+        if nodes == self.finer.heights.shape[axis]:
+            return self.finer.sides[axis]
+        spacings = nodes - 1 if self.finer.boundary == "free" else nodes
+        return spacings * self.finer.spacing[axis]
 
     def _at_nodes(self, values: Values) -> Values:
         """Interpolate values, shape (mx, my), of the added map to the sum's nodes (nx, ny)."""
@@ -309,14 +311,14 @@ def _overlay(first: Topography, second: Topography, shift: Sides) -> _Overlay:
     """
     if math.prod(first.spacing) <= math.prod(second.spacing) * (1 + SAME):
         return _Overlay(
-            grid=first,
+            finer=first,
             added=second,
             added_number=2,
             along_x=_line(first, second, axis=0, shift=shift[0]),
             along_y=_line(first, second, axis=1, shift=shift[1]),
         )
     return _Overlay(
-        grid=second,
+        finer=second,
         added=first,
         added_number=1,
         along_x=_line(second, first, axis=0, shift=-shift[0]),
@@ -324,14 +326,15 @@ def _overlay(first: Topography, second: Topography, shift: Sides) -> _Overlay:
     )
 
 
-def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line:
+def _line(finer: Topography, added: Topography, axis: int, shift: float) -> _Line:
     """Return the nodes of the grid along an axis that are on the added map.
 
-    `shift` is the distance of the added map's centre from that of the grid along the axis [um].
+    `finer` is the map with the grid. `shift` is the distance of the added map's centre from the
+    centre of the grid along the axis [um].
     """
-    grid_nodes = grid.heights.shape[axis]
+    grid_nodes = finer.heights.shape[axis]
     added_nodes = added.heights.shape[axis]
-    step = grid.spacing[axis]
+    step = finer.spacing[axis]
     if shift == 0 and math.isclose(step, added.spacing[axis], rel_tol=SAME):
         # If one map has an odd number of nodes and the other an even one, half a spacing brings the
         # nodes of both maps together.
@@ -343,12 +346,12 @@ def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line
     places = np.where(np.abs(places - nearest) < SAME, nearest, places)
     # Maps of equal length without edges overlap everywhere: periodic ones always, mirrored ones if
     # they are not shifted.
-    if math.isclose(grid.sides[axis], added.sides[axis], rel_tol=SAME):
+    if math.isclose(finer.sides[axis], added.sides[axis], rel_tol=SAME):
         all_nodes = slice(0, grid_nodes)
-        if grid.boundary == "periodic":
+        if finer.boundary == "periodic":
             wrapped = places % added_nodes
             return _Line(nodes=all_nodes, places=wrapped, continued="wrap")
-        if grid.boundary == "mirror" and shift == 0:
+        if finer.boundary == "mirror" and shift == 0:
             return _Line(nodes=all_nodes, places=places, continued="symmetric")
     inside = np.flatnonzero((places >= 0) & (places <= added_nodes - 1))
     if not inside.size:
@@ -387,7 +390,7 @@ def _step_in_words(
 ) -> str:
     """Write the line for `Topography.steps` about how the second map was added to the first.
 
-    `turned` and `shift` are those of `composite`.
+    `turned` and `shift` are the arguments of `composite`.
     """
     turn = "not turned over"
     if turned != "none":
@@ -409,7 +412,7 @@ def _step_in_words(
         parts.append(
             f"body {overlay.added_number} interpolated by cubic splines from nodes every"
             f" {_size(overlay.added.spacing)} um to those of the other, every"
-            f" {_size(overlay.grid.spacing)} um"
+            f" {_size(overlay.finer.spacing)} um"
         )
     return ", ".join(parts)
 

@@ -127,13 +127,15 @@ def choose_matrix(path: Path, matrices: list[Scan], reading: Reading) -> Scan:
     Returns
     -------
     Scan
-        The matrix. Both of its lengths, if it has them, are in the unit of the length along x.
+        The matrix, transposed if it has `widths`: the lengths along x and y that its header states.
+        Both are then in the unit of the length along x.
 
     Raises
     ------
     InputError
-        If no matrix has heights, or the channel is unknown. If x and y have different units, and
-        there are no lengths to convert, or one of the units is unknown.
+        If no matrix has heights. If the channel is unknown, is the name of several matrices, or
+        holds no heights. If x and y have different units and the header states no lengths, which
+        could be converted, or one of these units is unknown.
     """
     overruled = reading.override_scale and bool(reading.unit)
     channels = [

@@ -37,10 +37,10 @@ FEWEST_SHARED = 3
 # `GAPS` gaps between heights: the steps of a coarse scale are alike, and a plateau has no gap.
 WIDER = 2.0
 GAPS = 10
-# least median step at the rim of a code, over the usual step between neighbours. Plateaus of
-# saturated and honed maps have less than 3; only sharp ridges have more, but they have no gap.
+# Least `rim_steps` of a code. Plateaus of saturated and honed maps have less than 3; only sharp
+# ridges have more, but they have no gap.
 RIM = 3.0
-# least such ratio of a code whose only other sign is that its nodes are scattered over the map
+# Least `rim_steps` of a code whose only other sign is that its nodes are scattered over the map.
 SCATTERED_RIM = 7.0
 # least share of the nodes that have the commonest value, if it is a code
 COMMON = 5e-4
@@ -218,9 +218,10 @@ def rim_steps(heights: Heights, nodes: Nodes) -> float:
     Returns
     -------
     float
-        Median step at the rim over `TO_DEVIATION` times the median usual step [1]. It is the
-        lesser ratio of the two axes, because usual steps along a lay are small, and 0 if there is
-        no step at the rim.
+        Median step at the rim, divided by the spread of usual steps: `TO_DEVIATION` (1.48) times
+        their median. Of the ratios along both axes it is the smaller one: along a lay usual steps
+        are small, and the ratio is large. It is 0 if no step is at the rim, or if an axis has steps
+        at the rim but no usual ones.
     """
     ratios = []
     for axis in (0, 1):
@@ -301,8 +302,8 @@ def with_code_warnings(topography: Topography) -> Topography:
 def _code_at_end(topography: Topography, code: Code, kept: Values, bounds: str) -> str:
     """Return the warning for a code below or above all other heights.
 
-    `kept` are the heights of all nodes without a code [um], and `bounds` those of the mask that is
-    advised.
+    `kept` are the heights of all nodes without a code [um]. `bounds` are the bounds of the mask
+    that is advised, as `mask_bounds` writes them.
     """
     span = f"{kept.min():.6g} to {kept.max():.6g} um"
     if code.number >= FEWEST_SHARED:

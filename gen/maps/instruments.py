@@ -31,7 +31,7 @@ from gen.runtime.terminal import printable
 # A NanoFocus file (.nms) has been read in mm instead of nm if the spacing that SurfaceTopography
 # finds is above this [um].
 WIDEST_NMS = 1e3
-# factor that corrects the lengths of such a file
+# factor that corrects the lengths of a NanoFocus file that has been read in mm instead of nm
 NM_FOR_MM = 1e-6
 # formats of texts, which `gen.maps.text` reads instead: their readers take points for heights
 TABLES = {"asc", "xyz"}
@@ -67,7 +67,7 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
         heights is read.
     reason : str
         Message of the error that is raised if no reader knows the format of the file: why the file
-        cannot be read as a text. "" stands for a general message.
+        cannot be read as a text. With "", the message is a general one.
 
     Returns
     -------
@@ -297,7 +297,8 @@ def _mended_x3p(archive: ZipFile) -> _Content | None:
 def _map_of(path: Path, reading: Reading, file: _OpenFile) -> Scan:
     """Read the map of an open file that the reading names, or else the first one with heights.
 
-    InputError if there is no such map, or if it is too large for the size of the file.
+    InputError if the file has no map of the reading's name, or none with heights, or if the map is
+    too large for the size of the file.
     """
     maps = {
         channel.index: channel for channel in file.reader.channels if channel.dim == 2

@@ -116,10 +116,10 @@ def colour_scale(surface_map: Map) -> ColourScale:
     Returns
     -------
     ColourScale
-        Colours from the smallest to the largest value. The upper end is at the percentile
-        `UPPER_PERCENTILE` instead, and the lower end at 100 - `UPPER_PERCENTILE`, if the values
-        beyond span more than half of the range between both percentiles. For a map without a
-        quantity, the ends are 0 and `COLOURS` - 1; if no value is drawn, 0 and 1.
+        Colours from the smallest to the largest value. Each end by itself is at its percentile
+        instead (`UPPER_PERCENTILE`, or 100 minus it) if the values beyond this percentile span more
+        than half of the range between both percentiles. For a map without a quantity, the ends are
+        0 and `COLOURS` - 1; if no value is drawn, 0 and 1.
     """
     field = surface_map.field
     values = np.ma.compressed(field)

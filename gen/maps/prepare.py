@@ -398,9 +398,8 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
     fit = np.full_like(heights, offset)
     for coefficient, term in zip(coefficients, terms, strict=True):
         fit = fit + coefficient * term
-    lengths = (
-        np.subtract(heights.shape, 1) * topography.spacing
-    )  # first to last node [um]
+    # distances of the last node from the first one, along x and y [um]
+    lengths = np.subtract(heights.shape, 1) * topography.spacing
     slopes = 2 * coefficients[1:3] / lengths
     tilt = Tilt(x=float(slopes[0]), y=float(slopes[1]))
     return LeastSquares(heights=fit, tilt=tilt)

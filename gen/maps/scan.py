@@ -150,7 +150,8 @@ ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of p
 def arrange(path: Path, scan: Scan) -> Scan:
     """Turn a table of numbers into a map of heights.
 
-    Coordinates in its first row and column, or those of its points, become the lengths of the map.
+    The lengths of the map follow from the coordinates in the first row and column of the table, or
+    from the coordinates of its points.
 
     Parameters
     ----------
@@ -293,7 +294,7 @@ def _is_list(rows: Values) -> bool:
     if points <= width:
         return False
     # The first column of a profile or of sorted points rises. Fewer than `CHANCE` heights may also
-    # rise by chance, but hardly in even steps.
+    # rise by chance, but rarely in even steps.
     if width <= 3 and _is_axis(rows[:, 0], evenly=points < CHANCE):
         return True
     # Points in any order are known by their grid.

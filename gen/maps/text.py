@@ -105,7 +105,7 @@ class _Block:
     """The numbers under one header, and the content of the header."""
 
     rows: list[list[float]] = field(default_factory=list)
-    # values of the header by the quantities of `LABELS`, and those of `_column_entries`
+    # values of the header by the quantities of `LABELS`, and the entries of `_column_entries`
     entries: dict[str, str] = field(default_factory=dict)
     # comments that name a unit of length, but are not understood
     remarks: list[str] = field(default_factory=list)

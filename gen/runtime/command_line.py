@@ -36,7 +36,8 @@ It is taken from a subclass, because releases of Typer have moved it to another 
 """
 
 LONGEST_LINE = 1200
-"""Largest number of letters of a printed message, but for " ... " in place of a left-out middle."""
+"""Largest number of letters of a printed message. In a longer one, " ... " takes the place of the
+middle; its letters are not counted."""
 
 MOST_DETAILS = 40
 """Largest number of lines of a list below a message; further lines are only counted."""

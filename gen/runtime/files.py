@@ -482,7 +482,8 @@ def _give_name(temporary: Path, real: Path, present: Present) -> None:
     """Give a finished file the name `real`.
 
     If there is a file with this name, "replace" replaces it, "keep" leaves it and does not use the
-    finished file, and "refuse" raises FileExistsError.
+    finished file, and "refuse" raises FileExistsError. The file may keep the name `temporary` as
+    well, which the caller removes.
     """
     if present == "replace":
         temporary.replace(real)
@@ -743,6 +744,7 @@ def _locked_file(path: Path, lock_path: Path) -> int:
 
     `path` is the database or folder that is locked, for messages.
     """
+    # O_NONBLOCK: a FIFO with this name must not block the opening.
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     trouble = f"cannot be written, as {lock_path} is there or cannot be made"
     while True:

@@ -149,7 +149,7 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
 
 
 def _causes(error: ValidationError) -> list[ErrorDetails]:
-    """Return pydantic's reports, apart from those of missing keys next to unknown keys.
+    """Return pydantic's reports without reports of missing keys in tables that have unknown keys.
 
     If a table lacks a key and has an unknown one, the unknown key is probably the missing one,
     misspelt.
@@ -203,7 +203,7 @@ def _allowed_values(names: list[str], scene_keys: Mapping[str, str]) -> str:
     """Return the allowed values of a key in words.
 
     `names` are the keys of its location, from the outermost one. The innermost ones may be keys of
-    a distribution, which are not in `scene_keys`. Then the words are those of the key that has the
+    a distribution, which are not in `scene_keys`. Then the words are about the key that has the
     distribution as its value.
     """
     known_names = list(names)

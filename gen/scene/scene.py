@@ -74,11 +74,14 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Return the content of a scene with the defaults that depend on its other keys.
+        """Fill in the defaults of a scene that depend on its other keys, which pydantic cannot.
 
-        They are the generator, keys of the contact, and the table `[delta]`.
+        They are the generator of a table `[surface]` that names none, the boundary of windows, and
+        the spacing of patches without edges. A scene without loads gets the table `[delta]`; but a
+        scene of windows does not, because the user has to give its loads.
         """
-        if not isinstance(content, dict):  # pydantic will refuse it
+        # a Scene, or content that pydantic will refuse
+        if not isinstance(content, dict):
             return content
         completed = dict(content)
         surface = completed.get("surface")
@@ -126,7 +129,7 @@ class Scene(Table):
             )
 
     def _require_loads_that_yielding_bodies_carry(self) -> None:
-        """Refuse pressures or forces of which no one is small enough for the largest hardness.
+        """Refuse pressures or forces that are all too large even for the largest hardness.
 
         The mean pressure on a patch of bodies that yield is below the hardness.
         """

@@ -281,8 +281,8 @@ class Store(StoredQuantities):
     )
 
     @model_validator(mode="after")
-    def _require_function(self) -> Self:
-        """Refuse keys about outputs without a function, and bounds that allow no value."""
+    def _require_function_and_ordered_bounds(self) -> Self:
+        """Refuse keys about outputs without a function, and a least value not below the largest."""
         for name in ("outputs", "powers", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
                 raise conflict(f"{name} needs function, which gives them")

@@ -191,7 +191,7 @@ def _selections(
     # places of the inputs of the selection before; at first, of all inputs
     previous = [*order]
     for size in SIZES:
-        if not fewest <= size <= len(order):
+        if size < fewest or size > len(order):
             continue
         kept = sorted(order[:size])
         dropped = [names[place] for place in previous if place not in kept]
@@ -276,7 +276,10 @@ def _write(folder: Folder, ranking: Ranking) -> Iterator[Path]:
 
 
 def _draw(ranking: Ranking, path: Path) -> Path:
-    """Draw the worth of the inputs beside errors and times over their number; return the path."""
+    """Draw the worth of the inputs and, over the number of inputs, errors and times of the fits.
+
+    The picture is written to `path`, which is returned.
+    """
     figure = new_figure(12, 5.5)
     worth_axis, size_axis = figure.subplots(1, 2)
     names = [worth.name for worth in ranking.worths]

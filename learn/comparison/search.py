@@ -175,7 +175,8 @@ class GridSearch:
     def _keep(self, task: Task, result: list[Trial] | Ended) -> bool:
         """Keep the trials of a fit, and return whether all of them have failed.
 
-        Of a fit that was stopped, which has failed too, the time is kept if it was to all rows.
+        A fit that was stopped has failed, too, and has no trials. Its time is added to `ended` if
+        the fit was to all rows.
         """
         if isinstance(result, Ended):
             # A fit that was stopped before it began has no time.
@@ -439,7 +440,7 @@ class GridSearch:
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
                 f" over {FOLDS} folds of all rows, {self._least_judged} are needed: {self.advice}"
             )
-        # The winner has to be compared with the optimum as well. After failures it has not: the fit
+        # The winner has to be compared with the optimum as well, unless there are failures: the fit
         # of the optimum may have failed, and more time would not give it a score.
         if self.optimum and not failures and not self.means([self.optimum]):
             return f"not searched: the optimum of the grid was not judged: {self.advice}"
@@ -527,7 +528,7 @@ class GridSearch:
             The report. The search must have a winner (`fault` is "").
         """
         grid = self.grid
-        # The best candidate; the first one if none has a score.
+        # The best candidate, or the first one if none has a score on all folds.
         best = grid.first.get(self.best, grid.candidates[0])
         baseline_fits = int(np.isfinite(self.folds(self.baseline_name)).sum())
         return SearchReport(

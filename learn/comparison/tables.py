@@ -109,7 +109,7 @@ class TableRow:
     published: Scores | None
     # intervals of the scores; None without scores, or if all test rows are of one group
     intervals: Intervals | None
-    # variance over mean of the target in the test rows, in its unit; None without scores
+    # variance over mean magnitude of the target in the test rows, in its unit; None without scores
     variance_over_mean: float | None
 
     @property

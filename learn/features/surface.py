@@ -465,8 +465,8 @@ class SurfaceFeatures:
         # Mean distances of neighbouring blocks, whose sizes may differ by one node.
         steps = (step_x * nodes_x / blocks_x, step_y * nodes_y / blocks_y)
         if self.boundary != "free" and hardness_ratio is None and depth is not None:
-            full = float(means.max()) - float(means.mean())
-            depth = min(depth, NEARLY_FULL * full)
+            depth_of_full_contact = float(means.max()) - float(means.mean())
+            depth = min(depth, NEARLY_FULL * depth_of_full_contact)
         try:
             return bem.solve(
                 means,

@@ -260,8 +260,10 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
         numbers = rows.rows // scene.samples_per_surface  # of the surfaces
     else:  # all rows are of one surface, and are drawn one by one
         numbers = rows.rows
+    # The first row of each group, and the group of each row.
     _, first, group = np.unique(rows.surfaces, return_index=True, return_inverse=True)
-    return drawn_for_holdout(numbers[first], scene.seed, length)[group.ravel()]
+    is_drawn = drawn_for_holdout(numbers[first], scene.seed, length)  # for each group
+    return is_drawn[group.ravel()]
 
 
 def split_by_holdout(sets: list[Dataset], seed: int) -> Split:
@@ -293,6 +295,7 @@ def split_by_holdout(sets: list[Dataset], seed: int) -> Split:
         _require_varying(target, "test", test)
     groups, labels = np.unique(rows.surfaces[train], return_inverse=True)
     random = np.random.default_rng(seed)
+    # Place of each row's group in the random order of the groups.
     place = random.permutation(groups.size)[labels]
     order = np.argsort(place, kind="stable")
     return Split(

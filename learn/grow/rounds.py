@@ -264,7 +264,7 @@ class Growth:
             no_new_row = last is not None and rows == last.rows
             if no_new_row and not self.stopping():
                 # The budget does not suffice for another row.
-                return End("budget", last)
+                return End(reason="budget", last=last)
             attempt = self._try_to_look(rows, required=last is not None)
             last = attempt.look or last
             ending = self._ending(rows, last)
@@ -274,7 +274,7 @@ class Growth:
                     f" ({attempt.fault}); the same command goes on"
                 )
             if ending is not None:
-                return End(ending, last)
+                return End(reason=ending, last=last)
             if last is None:
                 self.say(f"{rows} rows are too few: {attempt.fault}")
             following = size_with(rows + 1, self.per_surface)
@@ -299,7 +299,7 @@ class Growth:
                 raise
             fault = str(error)
         self.last_look = LookTime(rows=max(rows, 1), seconds=time.time() - start)
-        return Attempt(look, fault)
+        return Attempt(look=look, fault=fault)
 
     def _ending(self, rows: int, last: Look | None) -> Ending | None:
         """Return the reason why a growth ends at a number of rows; None if it goes on."""
@@ -363,7 +363,8 @@ class Growth:
         sets = [target.at(np.flatnonzero(target.rows < rows)) for target in sets]
         parts = split_by_holdout(sets, request.seed)
         # The fit may take longer than the budget: it is a task that can be stopped.
-        fitted = within(_fit, FitOrder(request, sets, parts), None, self.until)
+        order = FitOrder(request=request, sets=sets, parts=parts)
+        fitted = within(_fit, shared=order, task=None, until=self.until)
         if isinstance(fitted, Ended):
             return None
         for line in fitted.lines:
@@ -511,7 +512,7 @@ class Growth:
             if self.until < math.inf:
                 # Single rows are short tasks, so that a growth ends close to its budget.
                 blocks = (range(row, row + 1) for block in blocks for row in block)
-            shared = RowsOrder(writer.scene, self.path.parent)
+            shared = RowsOrder(scene=writer.scene, folder=self.path.parent)
             self.executor.run(_compute, shared, blocks, write, stopping=is_over)
 
 
@@ -522,7 +523,7 @@ def _fit(order: FitOrder, _: None) -> Fitted:
     """
     lines: list[str] = []
     surrogate = fitting.fit_parts(order.request, order.sets, order.parts, lines.append)
-    return Fitted(surrogate, lines)
+    return Fitted(surrogate=surrogate, lines=lines)
 
 
 def _check_request(request: Request, scene: Scene) -> None:

@@ -238,7 +238,7 @@ def answers_of_parameters(
     Row
         For each row of the tables and each of the k loads: "input", the table, or "" without
         tables; the further columns of all tables, unchanged, "" where the row's table lacks one;
-        the numbers; and targets, "flag" and "reason" as `answers` has them.
+        the numbers; and targets, "flag" and "reason" as in the rows of `answers`.
 
     Raises
     ------

@@ -152,7 +152,8 @@ def _search(request: Request, inputs: Values, target: Values, folds: Folds) -> S
     first fold. InputError is raised if all errors are NaN or infinite.
     """
     (name,) = request.models
-    # Folds are numbered from 0, but fold 0 may be empty if there are a few large groups.
+    # The first fold is the smallest number that any row has: fold 0 may be empty if there are a few
+    # large groups.
     validating = folds == folds.min()
     fitted = np.flatnonzero(~validating)[:SEARCH_ROWS]
     smallest = np.inf
@@ -336,10 +337,9 @@ def fit(
         calibrates needs other features than the training; if the settings of the model cannot be
         chosen (see `choose`); or if a target is predicted no better than by a constant.
     """
-    # With `common`, only rows that are usable for all targets are read. The list is empty if
-    # `stopping` ended the reading.
+    # With `common`, only rows that are usable for all targets are read.
     by_target = dataset.read(request, executor, stopping, common=True)
-    if not by_target:
+    if not by_target:  # `stopping` has ended the reading.
         return None
     calibrating: list[Dataset] | None = None
     if request.calibrate_on is not None:
@@ -349,7 +349,7 @@ def fit(
         databases = (*request.databases, request.calibrate_on)
         with_another = replace(request, databases=databases)
         together = dataset.read(with_another, executor, stopping, common=True)
-        if not together:
+        if not together:  # `stopping` has ended the reading.
             return None
         calibrating = rows_of_another(by_target, together)
     parts = split.draw(

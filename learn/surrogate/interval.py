@@ -215,8 +215,8 @@ class ErrorScale:
     # change of the logarithm with each term: (d,) features, or (d (d + 3) / 2,) from `quadratic`
     slopes: Values
     offset: float  # logarithm where all features are 0
-    low: float  # smallest logarithm that is returned
-    high: float  # largest logarithm that is returned
+    low: float  # smallest logarithm; smaller ones are raised to it
+    high: float  # largest logarithm; larger ones are lowered to it
 
     def at(self, inputs: Values) -> Values:
         """Return the usual errors of rows.

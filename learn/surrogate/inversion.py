@@ -36,9 +36,9 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     -------
     Points
         Points at the pressures, with Delta and its interval, and without pressure and force. An end
-        of an interval that is beyond the last Delta is NaN. `endless` has a text for each pressure:
-        the reason why the interval does not hold (an end is beyond the last Delta, or outside the
-        training), or "" if it holds.
+        of an interval that is beyond the last Delta is NaN. `why_no_interval` has a text for each
+        pressure: the reason why the interval does not hold (an end is beyond the last Delta, or
+        outside the training), or "" if it holds.
     """
     deltas = points.values[DELTA.in_laws]
     curve = points.values[PRESSURE.in_laws]
@@ -68,7 +68,7 @@ def at_pressures(points: Points, pressures: Values) -> Points:
         low=low,
         high=high,
         reasons=reasons,
-        endless=_faults_of_intervals(points, interval),
+        why_no_interval=_faults_of_intervals(points, interval),
     )
 
 

@@ -90,7 +90,7 @@ class Surrogate:
     low, high : ndarray, shape (d,)
         Smallest and largest value of each feature in the training.
     distance : Distance
-        Measures distances from the training.
+        Measure of distances from the training, with the limit of the flag.
     training : Training
         The facts about the training that predictions need: features, E*, hardness, boundary, grids.
         It is made from the other attributes.
@@ -718,14 +718,14 @@ class OnSurface:
         ------
         InputError
             If a load is not finite and above 0, any of the 22 statistics is undefined, or a coarse
-            solve fails. Without `bodies`, also if `hardness` is given, but all bodies of the
-            training are elastic; or if it is left out, but the training has several and no elastic
-            bodies.
+            solve fails. If `bodies` is left out, also in two cases: `hardness` is given, and all
+            bodies of the training are elastic; or `hardness` is left out, and all bodies of the
+            training yield, with several ratios of hardness to E*.
         """
         features = self.surrogate.features
         if bodies is None:
-            # `Surrogate.bodies` needs a hardness if the training has several. The first one serves
-            # only for this check: `ratio` below has the hardness at each load.
+            # `Surrogate.bodies` takes one hardness, and checks that the training has bodies that
+            # yield. The first one serves for this check; `ratio` below has the one at each load.
             any_hardness = None
             if hardness is not None:
                 any_hardness = float(hardness[0])

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 # Place of the rms height among the statistics.
 RMS_HEIGHT = STATISTICS.index("height_rms")
-# Relative distance outside a training range up to which a number is not flagged: room for rounding.
+# Largest relative distance outside a training range with which a number is not flagged. It leaves
+# room for rounding only.
 TOLERANCE = 1e-6
 # Text for the user on a target without known powers; it follows the name of the target.
 NO_POWERS = (
@@ -140,8 +141,7 @@ def _scale_of(
 
     E* [MPa] is always one of these numbers. Rms heights and scan lengths [um] are for features
     without units only: features with units include the heights, and `Training.grid_note` compares
-    the side.
-    `e_star` is that of the prediction [MPa]; None for that of the training.
+    the side. `e_star` is the E* of the prediction [MPa]; None for the E* of the training.
     """
     number = len(rows.delta)
     modulus = training.modulus

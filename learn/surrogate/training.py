@@ -1,7 +1,8 @@
 """The training of a surrogate, and how rows to predict differ from it.
 
 A row is flagged if it differs from the training: a feature is outside its range, the distance from
-the training is large (`learn.surrogate.interval`), or the grid or the hardness is another one.
+the training is large (`learn.surrogate.interval`), or the grid or the hardness is not one of the
+training's.
 `Training.reasons` says in words what differs.
 """
 
@@ -110,7 +111,8 @@ class Training:
     def _hardness_notes(self, rows: Rows, number: int) -> list[str]:
         """Return a note for each row whose hardness is outside the training's, else "".
 
-        `number` is the number of rows.
+        `number` is the number of rows. If all bodies of the training, or those of the rows, are
+        elastic, no row has a note.
         """
         notes = [""] * number
         if self.hardness_limits is None or rows.hardness_ratio is None:

@@ -300,3 +300,23 @@ def test_a_hardness_of_each_point_is_that_of_its_prediction(tmp_path_factory):
     one = [function(**POINT, delta=9.0, hardness=each) for each in (0.02, 0.05)]
     np.testing.assert_allclose(many, one, rtol=ROUNDING)
     assert many[0] != many[1]
+
+
+@pytest.mark.parametrize("contact", ["hardness = [0.01, 0.1]", "modulus = 2.0"])
+def test_a_surrogate_of_a_scenes_numbers_takes_each_number_by_its_name(
+    contact, tmp_path_factory
+):
+    """Its features name a hardness before the load, its arguments the load before a hardness."""
+    text = f"{SCENE}[contact]\n{contact}\n"
+    database = database_of(tmp_path_factory.mktemp("numbers"), text)
+    path = surrogate_of(database, "--target", "area", "--features", "scene")
+    function = asperity.SurrogateFunction(path, ["area", "inside"])
+    numbers = {**POINT, "delta": 9.0}
+    if "hardness" in function.names:
+        assert function.names == ("hurst", "sigma0", "delta", "hardness")
+        numbers["hardness"] = 0.05
+    surrogate = Surrogate.load(path)
+    wanted = surrogate.predict_rows(surrogate.of_numbers(numbers)).values["area"]
+    area, inside = function(**numbers)
+    assert area == pytest.approx(wanted[0], rel=ROUNDING)
+    assert inside == 1

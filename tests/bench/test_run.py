@@ -111,7 +111,7 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(tmp_path, monkeypatch):
         "os.kill(os.getppid(), signal.SIGINT)\n"
         "time.sleep(600)\n"
     )
-    monkeypatch.setattr(running, "PATIENCE", 0.5)
+    monkeypatch.setattr(running, "END_LIMIT", 0.5)
     began = time.monotonic()
     parts = [part("deaf", str(deaf)), part("two", WRITE)]
     outcome = makes(tmp_path, parts)
@@ -151,8 +151,8 @@ def test_parts_that_take_no_times_are_made_side_by_side(tmp_path, monkeypatch, c
 
 
 def test_a_part_that_hangs_is_ended_and_failed(tmp_path, monkeypatch):
-    monkeypatch.setattr(running, "LONGEST", 0.0)
-    monkeypatch.setattr(running, "PATIENCE", 0.1)
+    monkeypatch.setattr(running, "COMMAND_LIMIT", 0.0)
+    monkeypatch.setattr(running, "END_LIMIT", 0.1)
     (tmp_path / "hangs.py").write_text("import signal\nsignal.pause()\n")
     hanging = part("one", str(tmp_path / "hangs.py"))
     assert makes(tmp_path, [hanging]) == Outcome(failed=("one",))

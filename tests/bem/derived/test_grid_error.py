@@ -179,6 +179,14 @@ def test_no_bar_at_creases_holds_where_areas_of_two_grids_agree_by_chance(pressu
         assert is_inside or not error.resolved
 
 
+def test_full_contact_of_ridges_with_cusps_is_not_resolved():
+    """Between the nodes of the finer grid their grooves are open."""
+    heights = grooves(64, 0.02)
+    contact = bem.solve(heights, 1.0, pressure=10.0, boundary="periodic")
+    assert contact.continuum_area_percent == 100
+    assert not contact.grid_error().resolved
+
+
 @pytest.mark.parametrize("boundary", ["periodic", "mirror", "free"])
 def test_waves_of_many_nodes_have_no_creases(boundary):
     contact = bem.solve(

@@ -13,7 +13,8 @@ from gen.law import cubics
 from gen.law.cubics import Between, Function, short_name
 from gen.law.curves import slopes
 from gen.maps.settings import Reading
-from gen.quantities import IN_LAWS
+from gen.quantities import CONTINUUM, IN_LAWS
+from tests.bem.waves import random_waves
 
 COMPILER = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror"]
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
@@ -191,6 +192,27 @@ def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
     places = (at[1], (at[0] + at[1]) / 2, at[2])
     found = said_by([f"asperity_law_area_low({place:.17g})" for place in places], "law.h")
     assert np.isnan(found).tolist() == [True, True, False]
+
+
+def test_a_header_names_a_band_of_the_area_over_delta_alone(here, make):
+    np.save("waves.npy", 100 * random_waves(1, 4, 0.8, 1)(48))
+    law = make(
+        "waves.npy",
+        delta="1,2",
+        pressure="0.001,2000",
+        e_star=230e3,
+        boundary="periodic",
+        grid_error=True,
+        reading=Reading(side="100"),
+    )
+    assert law.over_delta.resolved.tolist() == [True] * 3
+    assert law.over_pressure.resolved.tolist() == [False, True]
+    cubics.write_header(Path("law.h"), law)
+    text = Path("law.h").read_text()
+    area = f"asperity_law_{short_name(CONTINUUM.in_laws)}"
+    assert f"{area}_low(" in text
+    assert f"{area}_at_pressure_low(" not in text
+    assert "Functions _low and _high of the area in the continuum alone" in text
 
 
 @needs_compiler

@@ -386,11 +386,16 @@ def test_the_inverse_of_a_law_knows_its_level_stretches():
     np.testing.assert_allclose(found.values["delta_um"], [0, 0, 2, 3], atol=1e-6)
     np.testing.assert_allclose(found.low["delta_um"], [0, 0, 1, 2], atol=1e-6)
     np.testing.assert_allclose(found.high["delta_um"], [0, 2, 4, np.nan], atol=1e-2)
-    assert found.endless == ("", "", "", "its interval ends beyond the last displacement")
+    assert found.why_no_interval == (
+        "",
+        "",
+        "",
+        "its interval ends beyond the last displacement",
+    )
     unknown = Points(values, low, high, ("", "", "", "", "far"))
     found = at_pressures(unknown, np.array([0.5, 2.0, 3.5]))
     assert found.reasons == ("", "", "far")
-    assert found.endless[:2] == ("", "its interval ends where far")
+    assert found.why_no_interval[:2] == ("", "its interval ends where far")
 
 
 def test_a_further_quantity_of_a_predicted_law_is_one_that_was_learnt(
