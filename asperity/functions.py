@@ -203,7 +203,8 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
     scene : Scene
         The scene, whose parameters the points set.
     inputs : Inputs
-        Names of the numbers of the points: parameters, load and hardness.
+        Names of the numbers of the points: parameters, load and hardness. The hardness is in MPa,
+        because only surrogates of a scene's own numbers take a ratio, and these make no surfaces.
     points : Points
         The points; if there are none, nothing is yielded.
 
@@ -230,10 +231,10 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
         fixed = scene.with_parameters(parameters, nodes=points.nodes, seed=points.seed)
         heights = surface_numbered(fixed, int(points.surface[first]))
         given_loads = points.numbers[inputs.load_name][places]
-        # A surrogate may have learnt another load than the scene's, which is absolute already.
         kind: str = inputs.load
         loads = given_loads
-        # The scene's load may be relative to the heights of the surface.
+        # A load of the scene's quantity may be relative to the heights of the surface. Another
+        # quantity is one that a surrogate has learnt: these loads are absolute.
         if inputs.load == fixed.quantity:
             kind, loads = absolute_load(fixed, heights, given_loads)
         hardness: Values | None = None

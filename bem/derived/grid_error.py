@@ -547,9 +547,12 @@ def _in_words(change: float) -> str:
 def _solve_coarser(contact: Contact, summit: float) -> Contact:
     """Solve a contact on about every second node.
 
-    Under a given Delta, the far field stays in the same place. Raise NoSolution if the coarser
-    grid, or one with a summit that is higher by `summit` [um], would be in full contact. Raise
-    BeyondCriticalDelta, a NoSolution, if Delta is not below Delta* of the coarser surface on a
+    A problem with a datum, a height other than the highest node's from which Delta counts, keeps
+    this height and its load. Otherwise a given force is kept, or a given Delta is reduced by what
+    the highest node of the coarser grid is lower, so that the far field stays in its place.
+
+    Raise NoSolution if the coarser grid would be in full contact; at a given Delta without a datum,
+    if a grid would be whose summit is higher by `summit` [um]. Raise BeyondCriticalDelta, a NoSolution, if Delta is not below Delta* of the coarser surface on a
     compliant far field. ArithmeticError passes through.
     """
     problem = contact.problem
@@ -562,6 +565,7 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
     else:
         lost = float(problem.heights.max() - half.heights.max())
         half = replace(half, delta=contact.delta - lost, force=None)
+        # This summit is in full contact earlier, so that `half` needs no check of its own.
         higher = replace(half, delta=contact.delta - lost + summit)
         check_solvable(higher)
     is_full = contact.contact_nodes == problem.heights.size

@@ -697,12 +697,14 @@ def _means_filter(
 ) -> FieldFilter:
     """Return the filter from sums over blocks to weighted means over the blocks nearby.
 
-    Its fields have one value for each block of `BLOCK` x `BLOCK` nodes of the approximate inverse.
-    It is in single precision.
+    Its fields have one value for each block of `BLOCK` x `BLOCK` entries of the buffer of
+    `_inverse_filter`, whose sums are its input. On a free patch this buffer has no padded rows, but
+    padded columns; so has the field here. The filter is in single precision.
     """
     rows = _whole_blocks(shape[0]) // BLOCK
     columns = _whole_blocks(shape[1]) // BLOCK
     if boundary == "free":
+        # the periods of `_inverse_filter`, in blocks
         periods = _fast_length(BLOCK * rows) // BLOCK, _fast_length(shape[1]) // BLOCK
         spectrum = _block_means(periods, aspect)[: periods[0] // 2 + 1]
         return spectral_filter((rows, periods[1]), spectrum, "float32", periods)

@@ -94,7 +94,10 @@ def test_rough_surfaces_with_eight_nodes_a_wave(hardness, bound):
 @pytest.mark.parametrize("hardness", [1e-3, 1e-2, 0.03, 0.1, 1.0])
 @pytest.mark.parametrize("load", [0.02, 0.3, 0.9])
 def test_hard_and_soft_bodies_from_light_contact_to_nearly_full(hardness, load):
-    """With 8 nodes a wave; contacts of soft bodies are where the surface cuts a plane."""
+    """With 8 nodes a wave; contacts of soft bodies are where the surface cuts a plane.
+
+    The bar holds in 9 of 10 cases, twice the bar in 999 of 1,000 with normal errors.
+    """
     surface, pressure = random_waves(1, 8, 0.7, 3), load * min(hardness, 0.2)
     coarse, fine = (
         bem.solve(
@@ -105,7 +108,8 @@ def test_hard_and_soft_bodies_from_light_contact_to_nearly_full(hardness, load):
     area = coarse.continuum_area_percent
     assert area >= 100 * pressure / hardness * (1 - 1e-9)
     assert (
-        abs(area - fine.continuum_area_percent) <= coarse.grid_error().area_percent + 1e-9
+        abs(area - fine.continuum_area_percent)
+        <= 2 * coarse.grid_error().area_percent + 1e-9
     )
 
 
