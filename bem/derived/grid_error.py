@@ -551,8 +551,9 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
     this height and its load. Otherwise a given force is kept, or a given Delta is reduced by what
     the highest node of the coarser grid is lower, so that the far field stays in its place.
 
-    Raise NoSolution if the coarser grid would be in full contact; at a given Delta without a datum,
-    if a grid would be whose summit is higher by `summit` [um]. Raise BeyondCriticalDelta, a NoSolution, if Delta is not below Delta* of the coarser surface on a
+    Raise NoSolution at a given Delta at which the coarser grid would be in full contact; without a
+    datum, at which a grid would be whose summit is higher by `summit` [um]. Raise
+    BeyondCriticalDelta, a NoSolution, if Delta is not below Delta* of the coarser surface on a
     compliant far field. ArithmeticError passes through.
     """
     problem = contact.problem
