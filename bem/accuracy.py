@@ -177,7 +177,7 @@ def solve_within(
         If no grid up to the given map has bars as short as asked. It says what the best bar is, and
         why there is no better one.
     """
-    asked = _checked_errors(error)
+    asked = checked_errors(error)
     _refuse_settings(settings)
     tolerance = min(OF_TOLERANCE * min(asked.values()), LOOSEST)
     problem = pose(
@@ -193,8 +193,25 @@ def solve_within(
         return _Search(problem, asked).solve()
 
 
-def _checked_errors(error: float | Mapping[str, float]) -> dict[str, float]:
-    """Return the error of each answer that is asked for, by its name, or refuse it [1]."""
+def checked_errors(error: float | Mapping[str, float]) -> dict[str, float]:
+    """Return the largest relative error of each answer that is asked for.
+
+    Parameters
+    ----------
+    error : float or mapping of str to float
+        Error of the area in the continuum, or the errors of some answers by their names in
+        `ANSWERS` [1].
+
+    Returns
+    -------
+    dict of str to float
+        The errors by the names of the answers [1].
+
+    Raises
+    ------
+    ValueError
+        If there is no error, a name is unknown, or an error is not above 0 and below 1.
+    """
     if not isinstance(error, Mapping):
         error = {"area": error}
     if not error:

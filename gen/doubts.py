@@ -71,7 +71,7 @@ class Pressed:
 
     delta: float  # far-field displacement [um]
     largest_pressure: float  # [MPa]
-    contact_nodes: int  # number of nodes in contact
+    is_full: bool  # whether every node of its grid is in contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +296,7 @@ def contact_doubts(
     largest = max(contact.largest_pressure for contact in solved)
     # The effect of a force or a pressure depends on E*, which is 1 MPa if the user gave no modulus.
     unscaled = load != "delta" and not bodies.has_modulus
-    full = [contact.delta for contact in solved if contact.contact_nodes == heights.size]
+    full = [contact.delta for contact in solved if contact.is_full]
     if full:
         advice = modulus_in_words(bodies) if unscaled else CHECK_LOAD
         doubts.append(_full_contact(min(full), float(np.ptp(heights)), advice))

@@ -128,7 +128,13 @@ class PressingOrder:
         """
         from gen.maps.contacts import solve_loads
 
-        return solve_loads(topography, self.load, self.values, **self.settings)
+        return solve_loads(
+            topography,
+            self.load,
+            self.values,
+            errors=self.options.errors,
+            **self.settings,
+        )
 
     def doubts(self, topography: Topography, rows: Sequence[Row]) -> list[str]:
         """Return reasons to doubt the physics of a surface's contacts.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from bem import Contact
+    from bem import Budget, Contact
     from gen.database import Reader
     from gen.database.reader import Counts
     from gen.maps.contacts import Answer, SolvedLoads
@@ -416,7 +416,11 @@ def print_contacts(solved: SolvedLoads) -> None:
         _print_contact(solved.rows[0], solved.last, solved.seconds)
         return
     rows = [
-        [answer for answer in row if answer.column not in COLUMNS_OF_FILES]
+        [
+            answer
+            for answer in row
+            if answer.column not in COLUMNS_OF_FILES and not answer.is_detail
+        ]
         for row in solved.rows
     ]
     titles = [answer.column for answer in rows[0]]
@@ -431,7 +435,8 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     """
     from gen.maps.contacts import CONTINUUM_ERROR
 
-    repeated = {CONTINUUM_ERROR}  # the line of the area states its error already
+    # The line of the area states its error, and another line the nodes of the grid.
+    repeated = {CONTINUUM_ERROR, "solved_nodes_x", "solved_nodes_y"}
     # On a rigid far field the approach is Delta, which has a line already.
     if contact.approach == contact.delta:
         repeated.add(QUANTITIES["approach"].in_tables)
@@ -443,8 +448,10 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     lines = [
         (answer.label, answer.shown, answer.unit)
         for answer in answers
-        if answer.column not in repeated
+        if answer.column not in repeated and not answer.is_detail
     ]
+    if contact.budget is not None:
+        lines.append(_grid_solved(contact.budget))
     lines.append(
         ("contact pressure", f"{mean_pressure:.6g}", "MPa, mean where in contact")
     )
@@ -454,6 +461,13 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     milliseconds = f"{1e3 * seconds:.1f}"
     lines.append(("time", milliseconds, "ms, the set-up of a first solve included"))
     print_columns(lines)
+
+
+def _grid_solved(budget: Budget) -> tuple[str, str, str]:
+    """Return the line of a report about the grid that was solved for errors."""
+    nx, ny = budget.nodes
+    given_nx, given_ny = budget.given
+    return "solved on", f"{nx} x {ny}", f"of {given_nx} x {given_ny} nodes"
 
 
 MAIN = (
@@ -511,6 +525,8 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
     bodies : Bodies
         Material of both bodies, for the title of each table.
     """
+    from gen.maps.contacts import is_detail
+
     hidden = {
         *COLUMNS_OF_FILES,
         "row",
@@ -520,7 +536,7 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
         "continuum_area_error_percent",
         column,
     }
-    names = [name for name in rows[0] if name not in hidden]
+    names = [name for name in rows[0] if name not in hidden and not is_detail(name)]
     loads = dict.fromkeys(row[column] for row in rows)  # each load once, in their order
     for load in loads:
         echo(f"{column.removeprefix('given_')} = {_shown(load)}; {bodies.text}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -90,6 +91,7 @@ def contact(
     rtol: options.Tolerance = 2e-7,
     max_iterations: options.MaxIterations = 1000,
     grid_error: options.GridError = True,
+    error: options.Error = "",
     spots: options.Spots = False,
     flow: options.Flow = False,
     stiffness: options.Stiffness = False,
@@ -105,6 +107,9 @@ def contact(
     The contact area is printed twice: as a share of the nodes, and in the continuum, with the error
     of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
     contact, the flow of a fluid through the gap, the stiffness and the conductance.
+
+    With --error each contact is solved on fewer nodes, as many as the error needs. Names of answers
+    are area, mean_gap, stiffness, delta and force.
 
     Give one of --delta, --force and --pressure: a number, several numbers with commas, or a series
     as start:stop:count. The numbers of start:stop:count:log have a constant ratio.
@@ -124,6 +129,14 @@ def contact(
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
     conductivities = _conductivities(conductivity)
+    settings: dict[str, Any] = {"max_iterations": max_iterations}
+    errors = None
+    if error:
+        _refuse_with_error(context)
+        errors = contacts.errors_from(error)
+    else:
+        # With errors the tolerance follows from them, and kernel and far field are the default.
+        settings |= {"kernel": kernel, "far_field": far_field, "rtol": rtol}
     files = ContactFiles(
         table=table,
         json=json,
@@ -143,17 +156,16 @@ def contact(
             grid_error=grid_error,
             spots=spots,
             flow=flow,
-            stiffness=stiffness,
+            # The stiffness is printed if its error is asked for.
+            stiffness=stiffness or "stiffness" in (errors or ()),
             conductivities=conductivities,
+            errors=errors,
         ),
         bodies=bodies,
         settings={
             "modulus": bodies.e_star,
             "hardness": bodies.hardness,
-            "kernel": kernel,
-            "far_field": far_field,
-            "rtol": rtol,
-            "max_iterations": max_iterations,
+            **settings,
         },
     )
     number_of_threads = threads or default_threads(cores())
@@ -175,6 +187,34 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     if not values:
         return None
     return require_conductivities(values)
+
+
+NOT_WITH_ERROR = {
+    "grid_error": (True, "answers within an error need the error of the grid"),
+    "rtol": (None, "the tolerance of the solver follows from the error"),
+    "kernel": ("uniform-pressure", "answers of the other one belong to its grid"),
+    "far_field": ("rigid", "answers of the other one belong to its grid"),
+    "flattened": (None, "it would have fewer nodes than the map"),
+}
+"""Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
+
+
+def _refuse_with_error(context: typer.Context) -> None:
+    """Refuse the first option of `gen contact` that was given and does not go with --error."""
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if name not in NOT_WITH_ERROR:
+            continue
+        allowed, reason = NOT_WITH_ERROR[name]
+        source = context.get_parameter_source(name)
+        is_given = source is not None and source.name == "COMMANDLINE"
+        value = context.params[name]
+        if not is_given or value == allowed:
+            continue
+        option = parameter.opts[0]
+        if value is False:
+            option = parameter.secondary_opts[0]
+        raise InputError(f"{option}: leave it out with --error: {reason}")
 
 
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:

@@ -334,7 +334,7 @@ def _solved_contact(
     pressed = Pressed(
         delta=contact.delta,
         largest_pressure=contact.largest_pressure,
-        contact_nodes=contact.contact_nodes,
+        is_full=contact.contact_nodes == contact.pressure.size,
     )
     if not judged:
         return SolvedContact(quantities, pressed=pressed)

@@ -14,8 +14,8 @@ from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
 from gen.material import loads_from, require_within
 from gen.quantities import (
+    AREA,
     CONDUCTANCE,
-    CONTACT_NODES,
     CONTINUUM,
     DELTA,
     LOADS,
@@ -26,19 +26,20 @@ from gen.quantities import (
     nominal_area,
 )
 from gen.runtime import memory
-from gen.runtime.errors import InputError
-from gen.runtime.terminal import RunProgress
+from gen.runtime.errors import InputError, input_errors
+from gen.runtime.terminal import RunProgress, quoted
 
 if TYPE_CHECKING:
     from bem import Contact
+    from bem.budget import ErrorParts
 
 
 @dataclass(frozen=True)
 class AnswerOptions:
     """Options of `gen contact` that add answers to those that are always given.
 
-    Each field has the name of a `gen.quantities.Quantity.option`; an option that is set adds the
-    answers about the quantities with this option.
+    Each field but `errors` has the name of a `gen.quantities.Quantity.option`; an option that is
+    set adds the answers about the quantities with this option.
     """
 
     # whether to estimate the area in the continuum and the error of the grid
@@ -49,6 +50,9 @@ class AnswerOptions:
     # thermal conductivities of the first and of the second body [W/(m K)], with which the
     # conductance is computed; None for no conductance
     conductivities: tuple[float, float] | None = None
+    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # contacts are solved on the coarsest grid that gives them; None for the grid of the map.
+    errors: Mapping[str, float] | None = None
 
     @property
     def names(self) -> list[str]:
@@ -67,6 +71,7 @@ class Answer(NamedTuple):
     # Error of the value, in `unit`. The text for people ends at the second digit of the error, or
     # has six digits if the error is 0 or infinite.
     error: float = 0.0
+    is_detail: bool = False  # whether only files have it, because another line states it
 
     @property
     def shown(self) -> str:
@@ -123,8 +128,9 @@ def answers(contact: Contact, options: AnswerOptions) -> list[Answer]:
     Returns
     -------
     list of Answer
-        One for each line of a report: quantities by option, with E*, boundary and hardness after
-        those that are always given, and the residual last.
+        One for each cell of a table: quantities by option, with E*, boundary and hardness after
+        those that are always given, then the grid and the errors that were asked for, if any, and
+        the residual last.
 
     Raises
     ------
@@ -140,6 +146,9 @@ def answers(contact: Contact, options: AnswerOptions) -> list[Answer]:
                 answers_of_contact += _about_the_bodies(contact)
         if options.conductivities is not None:
             answers_of_contact.append(_conductance_per_area(contact, media))
+        if options.errors is not None:
+            answers_of_contact += _about_the_grid(contact)
+            answers_of_contact += _about_the_errors(contact, options.errors)
     except ArithmeticError as error:
         raise InputError(str(error)) from None
     residual = Answer(
@@ -271,6 +280,85 @@ def _about_the_continuum(contact: Contact, area: float) -> list[Answer]:
     ]
 
 
+def _about_the_grid(contact: Contact) -> list[Answer]:
+    """Return two answers, the numbers of nodes along x and y of the grid that was solved."""
+    return [
+        Answer(
+            column=f"solved_nodes_{axis}",
+            value=nodes,
+            label=f"nodes along {axis}",
+            unit="",
+        )
+        for axis, nodes in zip("xy", contact.pressure.shape, strict=True)
+    ]
+
+
+def _about_the_errors(contact: Contact, errors: Mapping[str, float]) -> list[Answer]:
+    """Return five answers for each error that was asked for: it, what was asked, and its parts.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        A contact from `bem.solve_within`. Without a load it has no parts of errors: all are 0.
+    errors : mapping from str to float
+        The largest relative errors, by the names of their answers [1].
+    """
+    from bem.budget import ErrorParts
+
+    assert contact.budget is not None  # `solve_within` sets it
+    about_the_errors: list[Answer] = []
+    for name, asked in errors.items():
+        exact = ErrorParts(asked=asked, grid=0.0, waves=0.0, solver=0.0)
+        parts = contact.budget.answers.get(name, exact)
+        about_the_errors += _about_an_error(name, parts)
+    return about_the_errors
+
+
+def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
+    """Return the relative error of an answer, the one that was asked for, and its parts [%].
+
+    `name` is the name of the answer in `bem.accuracy.ANSWERS`. The last four are details, which the
+    remark on the first one states for people.
+    """
+    quantity = CONTINUUM if name == "area" else QUANTITIES[name]
+    column = f"{name}{RELATIVE_ERROR}"
+    error = 100 * parts.total
+    remark = (
+        f"% of it at 95 %, asked {_percent(parts.asked)}: grid {_percent(parts.grid)}, dropped waves"
+        f" {_percent(parts.waves)}, solver {_percent(parts.solver)}"
+    )
+    about_the_error = [
+        Answer(
+            column=f"{column}percent",
+            value=error,
+            label=f"error of {quantity.noun}",
+            unit=remark,
+            error=error,
+        )
+    ]
+    details = {
+        "asked": parts.asked,
+        "from_grid": parts.grid,
+        "from_waves": parts.waves,
+        "from_solver": parts.solver,
+    }
+    for detail, share in details.items():
+        answer = Answer(
+            column=f"{column}{detail}_percent",
+            value=100 * share,
+            label=detail.replace("_", " "),
+            unit="%",
+            is_detail=True,
+        )
+        about_the_error.append(answer)
+    return about_the_error
+
+
+def _percent(share: float) -> str:
+    """Write a share [1] with two digits in percent; rounding errors become 0."""
+    return f"{round(100 * share, 4):.2g} %"
+
+
 def _remark(quantity: Quantity, contact: Contact) -> str:
     """Return the remark for people that follows the unit of a quantity, "" for none."""
     nx, ny = contact.pressure.shape
@@ -319,6 +407,9 @@ def _conductance_per_area(contact: Contact, media: Media) -> Answer:
 CONTINUUM_ERROR = f"{CONTINUUM.name.removesuffix('_percent')}_error_percent"
 """Name of the column that holds the error of the area in the continuum."""
 
+RELATIVE_ERROR = "_relative_error_"
+"""Part of the names of columns with the errors that a user asked for and with their parts."""
+
 # share of the lines of nodes on each side of a patch that `border_remark` counts as border
 OUTER = 0.05
 
@@ -340,6 +431,25 @@ def load_in_words(load: str, value: float) -> str:
     """
     text = f"{value:.6g} {LOADS[load].unit}"
     return f"Delta = {text}" if load == "delta" else text
+
+
+def is_detail(column: str) -> bool:
+    """Tell whether a column has an error that was asked for, or a part of the error that was got.
+
+    Only files have these columns, see `Answer.is_detail`.
+
+    Parameters
+    ----------
+    column : str
+        Name of a column of answers.
+
+    Returns
+    -------
+    bool
+        True if it has one.
+    """
+    _, separator, ending = column.partition(RELATIVE_ERROR)
+    return bool(separator) and ending != "percent"
 
 
 class ChosenLoad(NamedTuple):
@@ -377,21 +487,69 @@ def chosen_load(texts: Mapping[str, str]) -> ChosenLoad:
     return ChosenLoad(name=name, values=loads_from(name, texts[name], advice))
 
 
+def errors_from(text: str) -> dict[str, float]:
+    """Return the errors that the user gave by the option --error.
+
+    Parameters
+    ----------
+    text : str
+        An error of the area in the continuum, as "3%" or "0.03", or errors of answers by name with
+        commas between them, as "area=1%,mean_gap=2%".
+
+    Returns
+    -------
+    dict from str to float
+        Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1].
+
+    Raises
+    ------
+    InputError
+        If a part of the text is no error, a name is unknown or is given twice, or an error is not
+        above 0 and below 1.
+    """
+    from bem.accuracy import checked_errors
+
+    place = f"--error {quoted(text)}"
+    errors: dict[str, float] = {}
+    for part in text.split(","):
+        before, separator, number = part.rpartition("=")
+        name = before.strip() if separator else "area"
+        if name in errors:
+            raise InputError(f"{place}: gives the error of {name} twice")
+        is_percent = number.strip().endswith("%")
+        try:
+            value = float(number.strip().removesuffix("%"))
+        except ValueError:
+            raise InputError(
+                f"{place}: give an error, as 3% or 0.03, or several as area=1%,mean_gap=2%"
+            ) from None
+        errors[name] = value / 100 if is_percent else value
+    with input_errors(place):
+        return checked_errors(errors)
+
+
 @dataclass(frozen=True, eq=False)
 class LoadSolution:
     """The contact under one load, or the reason why it was not solved."""
 
-    contact: Contact | None  # the solved contact; None if the solver did not converge
+    # the solved contact; None if the solver did not converge, or no grid gives the errors
+    contact: Contact | None
     fault: str = ""  # reason why there is no contact; "" if there is one
 
 
 def solve_loads(
-    topography: Topography, load: str, values: Sequence[float], **settings: Any
+    topography: Topography,
+    load: str,
+    values: Sequence[float],
+    *,
+    errors: Mapping[str, float] | None = None,
+    **settings: Any,
 ) -> Iterator[LoadSolution]:
     """Solve the contact of a surface with a plane under one load after another.
 
     If there are several loads, the largest one is checked before the first one is solved. If the
-    solver does not converge under one load, the others are still solved.
+    solver does not converge under one load, or no grid gives the errors that are asked for, the
+    others are still solved.
 
     Parameters
     ----------
@@ -401,8 +559,12 @@ def solve_loads(
         Quantity of the loads.
     values : sequence of float
         One load or more, in any order [um, uN or MPa].
+    errors : mapping from str to float, optional
+        Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1]. If they
+        are given, the contact under each load is solved on the coarsest grid that gives them.
     **settings : object
-        Further settings of `bem.ladder`, as modulus [MPa] and hardness [MPa].
+        Further settings of `bem.ladder`, as modulus [MPa] and hardness [MPa]; with `errors` those
+        of `bem.solve_within`.
 
     Yields
     ------
@@ -413,13 +575,14 @@ def solve_loads(
     ------
     InputError
         If a number is not allowed, there is no equilibrium, or memory is too short; at the last
-        load, if the solver has converged under no load.
+        load, if no load was solved.
     """
     settings |= {"boundary": topography.boundary, "spacing": topography.exact_spacing}
     try:
         if len(values) > 1:
             _check_load(topography, load, max(values), settings)
-        yield from _solutions(topography, load, values, settings)
+        contacts = _contacts(topography, load, values, errors, settings)
+        yield from _solutions(contacts, load, values)
     except ValueError as error:
         raise InputError(f"{topography.name}: {error}") from None
     except MemoryError:
@@ -441,26 +604,58 @@ def _check_load(
     pose(topography.heights, topography.sides, **loads, **settings)
 
 
-def _solutions(
+def _contacts(
     topography: Topography,
     load: str,
     values: Sequence[float],
+    errors: Mapping[str, float] | None,
     settings: Mapping[str, Any],
-) -> Iterator[LoadSolution]:
-    """Yield the solution under each load; raise ValueError at the last one if none converges.
+) -> Iterator[Contact]:
+    """Return the contacts under all loads, each solved when it is taken.
 
-    A solution without a contact says why, and under which load if there are several.
+    The parameters are those of `solve_loads`. Taking a contact raises the errors of `bem.ladder`,
+    or with `errors` those of `bem.solve_within`, and InputError if a linear solve for an answer
+    does not converge. The contact under the next load can be taken after any of them.
     """
     import bem
 
-    loads: dict[str, Any] = {f"{load}s": values}
-    contacts = bem.ladder(topography.heights, topography.sides, **loads, **settings)
+    heights = topography.heights
+    sides = topography.sides
+    if errors is None:
+        loads: dict[str, Any] = {f"{load}s": values}
+        return bem.ladder(heights, sides, **loads, **settings)
+
+    def solved_within(value: float) -> Contact:
+        """Solve under a load on the coarsest grid that gives the errors."""
+        load_and_settings: dict[str, Any] = {load: value, **settings}
+        try:
+            return bem.solve_within(heights, sides, errors, **load_and_settings)
+        except (bem.NotReachable, bem.OutOfRange):
+            raise
+        except (
+            ArithmeticError
+        ) as failure:  # a linear solve for an answer does not converge
+            raise InputError(str(failure)) from None
+
+    return map(solved_within, values)
+
+
+def _solutions(
+    contacts: Iterator[Contact], load: str, values: Sequence[float]
+) -> Iterator[LoadSolution]:
+    """Yield the solution under each load; raise ValueError at the last one if none is solved.
+
+    `contacts` are those of `_contacts`. A solution without a contact says why, and under which load
+    if there are several.
+    """
+    import bem
+
     solved = False
     for value in values:
         try:
             solution = LoadSolution(contact=next(contacts))
             solved = True
-        except bem.NotConverged as error:
+        except (bem.NotConverged, bem.NotReachable) as error:
             fault = str(error)
             if len(values) > 1:
                 fault = f"{load_in_words(load, value)}: {fault}"
@@ -550,7 +745,7 @@ def pressed_contacts(rows: Sequence[Mapping[str, Any]]) -> list[Pressed]:
         Pressed(
             delta=row[DELTA.in_tables],
             largest_pressure=row[largest_pressure.in_tables],
-            contact_nodes=row[CONTACT_NODES.in_tables],
+            is_full=row[AREA.in_tables] == 100,
         )
         for row in rows
     ]
