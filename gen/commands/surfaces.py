@@ -134,6 +134,8 @@ def contact(
     if error:
         _refuse_with_error(context)
         errors = contacts.errors_from(error)
+        # The stiffness is printed if its error is asked for.
+        stiffness = stiffness or "stiffness" in errors
     else:
         # With errors the tolerance follows from them, and kernel and far field are the default.
         settings |= {"kernel": kernel, "far_field": far_field, "rtol": rtol}
@@ -156,8 +158,7 @@ def contact(
             grid_error=grid_error,
             spots=spots,
             flow=flow,
-            # The stiffness is printed if its error is asked for.
-            stiffness=stiffness or "stiffness" in (errors or ()),
+            stiffness=stiffness,
             conductivities=conductivities,
             errors=errors,
         ),

@@ -324,8 +324,8 @@ def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
     column = f"{name}{RELATIVE_ERROR}"
     error = 100 * parts.total
     remark = (
-        f"% of it at 95 %, asked {_percent(parts.asked)}: grid {_percent(parts.grid)}, dropped waves"
-        f" {_percent(parts.waves)}, solver {_percent(parts.solver)}"
+        f"% of it at 95 %, asked {_percent(parts.asked)}: grid {_percent(parts.grid)},"
+        f" dropped waves {_percent(parts.waves)}, solver {_percent(parts.solver)}"
     )
     about_the_error = [
         Answer(
