@@ -29,10 +29,8 @@ PHYSICS_CHANGES: dict[int, str] = {
     " forces differ within the tolerance, and iterations and convolutions are counted anew",
     13: "contacts take longer first steps, and full contact is the start under high loads at any"
     " size: forces differ within the tolerance, and iterations and convolutions are counted anew",
-    14: "the area in the continuum follows the direction of the border on oblong cells: it falls by"
-    " up to 3 % there, and stays on square cells; contacts take other starts and other sets of"
-    " nodes for dense algebra: forces differ within the tolerance, and iterations and convolutions"
-    " are counted anew",
+    14: "areas in the continuum fall by up to 3 % on oblong cells, and contacts take other starts:"
+    " forces differ within the tolerance, and iterations and convolutions are counted anew",
 }
 """Changes of the results by the `PHYSICS` number that they led to. The list begins with the solver
 that solves all contacts. Earlier solvers computed the results with numbers up to 4 for all scenes,
