@@ -40,13 +40,14 @@ from bem.problem import Problem, checked, pose
 from bem.solving import solve_posed
 from bem.threads import computed_once, on_threads
 
-# Factor that makes a bar of 95 % of one of 90 %, as for normal errors [1].
+# Factor from a bar of 90 % to one of 95 %, as for normal errors [1].
 TO_95_PERCENT = 1.2
 
-# Relative error of the area for a dropped share of the mean square slope, over this share [1].
+# Relative error of the area per share of the mean square slope that is dropped [1].
 OF_DROPPED = 1.0
 
-# Largest part of the error that dropped waves may take on the first grid that is tried [1].
+# Largest part of the error asked for that the waves dropped by a grid may use up; grids that drop
+# more are not tried [1].
 MOST_FOR_WAVES = 0.5
 
 # Tolerance of the solver over the error that is asked for [1], and the loosest one [Delta].
@@ -60,13 +61,13 @@ FEWEST_TRIED = 4 * FEWEST
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)
 
-# Largest order by which a bar may fall with the spacing [1]. Grids whose bar would still be too
-# long with this order are left out, but no more than up to a number of times the nodes a side [1]:
-# where few nodes are in a wave, a bar can fall faster.
+# Largest order by which an error may fall with the spacing [1]. Grids on which it would still be
+# too large at this order are skipped, but none with more than `FURTHEST` times the nodes a side of
+# the last trial [1]: where few nodes are in a wave, an error can fall faster.
 BEST_ORDER = 2.0
 FURTHEST = 2.0
 
-# Nodes on whose heights the height between two nodes of a free map depends, along each axis.
+# Number of nodes along an axis from whose heights one between them is interpolated, on free maps.
 NODES_BESIDE = 6
 
 # Most lines of a map, about, on which slopes are measured along each axis.
@@ -171,7 +172,8 @@ def solve_within(
     Raises
     ------
     ValueError
-        For input that no contact problem can have, and for errors or answers that cannot be asked.
+        For input that no contact problem can have, for unknown names of answers, and for errors
+        that are not above 0 and below 1.
         NoSolution, a ValueError, for a load that no equilibrium carries, see `bem.solve`.
     NotReachable
         If no grid up to the given map has bars as short as asked. It says what the best bar is, and
@@ -256,53 +258,68 @@ class _Search:
     """
 
     def __init__(self, problem: Problem, asked: dict[str, float]) -> None:
-        self.given = replace(problem, datum=0.0)
-        self.asked = asked
+        # A datum, though 0, makes the cells of all grids cover the same patch (`coarser`).
+        self.map_problem = replace(problem, datum=0.0)
+        self.asked_errors = asked
         self.trials: list[Trial] = []
-        self.best: Contact | None = None
-        self.contacts: dict[tuple[int, ...], Contact] = {}
+        self.best_contact: Contact | None = (
+            None  # of the trial with the smallest error ratio
+        )
+        self.contact_by_nodes: dict[tuple[int, ...], Contact] = {}  # of all trials
 
     @property
     def budget(self) -> Budget:
         """What was tried up to now."""
-        rows, columns = self.given.heights.shape
-        return Budget((rows, columns), self.given.rtol, tuple(self.trials))
+        rows, columns = self.map_problem.heights.shape
+        return Budget((rows, columns), self.map_problem.rtol, tuple(self.trials))
 
     def solve(self) -> Contact:
-        """Return the contact on the first grid that gives all answers, with its budget.
+        """Return the contact on the coarsest grid with the errors asked for, with its budget.
 
         Raises
         ------
         NotReachable
             If there is none.
         """
-        load = self.given.force if self.given.delta is None else self.given.delta
-        if load is None or load <= 0:
-            return solve_posed(self.given).with_budget(self.budget)
+        load = (
+            self.map_problem.force
+            if self.map_problem.delta is None
+            else self.map_problem.delta
+        )
+        if load is None or load <= 0:  # nothing touches, which is exact on any grid
+            return solve_posed(self.map_problem).with_budget(self.budget)
         self._refuse_endless_waves()
-        surface = Surface(self.given)
-        for nodes in grids(self.given):
+        surface = Surface(self.map_problem)
+        for nodes in grids(self.map_problem):
             if not self._may_suffice(nodes):
                 continue
             problem, dropped = surface.on(nodes)
-            if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked.values()):
+            # The waves that this grid drops would alone use up too much of the error.
+            if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked_errors.values()):
                 continue
-            if nodes != self.given.heights.shape and self._goes_on_to_the_grid(problem):
+            # No bar could hold. The given map has passed this test above.
+            if nodes != self.map_problem.heights.shape and self._has_endless_waves(
+                problem
+            ):
                 continue
-            contact = self._tried(problem, dropped)
-            if contact is not None and self.trials[-1].is_met:
+            contact = self._try_grid(problem, dropped)
+            if contact is not None and self.trials[-1].meets_errors:
                 return contact.with_budget(self.budget)
-        raise NotReachable(self._message(), self.budget, self.best)
+        raise NotReachable(self._message(), self.budget, self.best_contact)
 
     def _may_suffice(self, nodes: tuple[int, int]) -> bool:
-        """Return whether bars may be short enough on a grid, after those of the last trial."""
-        if not self.trials or nodes == self.given.heights.shape:
+        """Return whether a grid may meet the errors, judging by the last trial.
+
+        An error falls at most with the power `BEST_ORDER` of the spacing.
+        """
+        if not self.trials or nodes == self.map_problem.heights.shape:
             return True
         last = self.trials[-1]
-        if last.excess == math.inf:
+        if last.error_ratio == math.inf:
             return True
-        step = min(math.pow(last.excess, 1 / BEST_ORDER), FURTHEST)
-        return max(nodes) >= step * max(last.nodes)
+        # ratio of the nodes a side to those of the last trial
+        ratio = min(math.pow(last.error_ratio, 1 / BEST_ORDER), FURTHEST)
+        return max(nodes) >= ratio * max(last.nodes)
 
     def _refuse_endless_waves(self) -> None:
         """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
@@ -312,93 +329,112 @@ class _Search:
         NotReachable
             If elastic bodies have no area in the continuum.
         """
-        if not self._goes_on_to_the_grid(self.given):
+        if not self._has_endless_waves(self.map_problem):
             return
         raise NotReachable(
-            f"{self._in_words(self.asked)} not reachable on any grid: waves go on down to the grid"
-            " of the given map, so that no bar holds: give a map whose shortest wave has 8 nodes or"
-            " more",
+            f"{self._in_words(self.asked_errors)} not reachable on any grid: waves go on down"
+            " to the grid of the given map, so that no bar holds: give a map whose shortest wave"
+            " has 8 nodes or more",
             self.budget,
         )
 
-    def _goes_on_to_the_grid(self, problem: Problem) -> bool:
-        """Return whether elastic bodies have no area in the continuum that a grid could tell."""
+    def _has_endless_waves(self, problem: Problem) -> bool:
+        """Return whether waves go on down to a grid, so that elastic bodies' area has no limit.
+
+        It is always False for bodies that may yield.
+        """
         if problem.hardness is not None:
             return False
         order = slope_order(problem.heights, problem.boundary, lines=LINES)
         return order < LEAST_ORDER
 
-    def _tried(self, problem: Problem, dropped: float) -> Contact | None:
-        """Solve on a grid and keep the trial; return None where the solver fails.
+    def _try_grid(self, problem: Problem, dropped: float) -> Contact | None:
+        """Solve on a grid, judge the contact and append the trial; return None if the solver fails.
+
+        ArithmeticError of a linear solve for an answer passes through.
 
         Parameters
         ----------
         problem : Problem
             The problem on this grid.
         dropped : float
-            Share of the given map's mean square slope that the grid has not [1].
+            Share of the given map's mean square slope that the grid lacks [1].
         """
         rows, columns = problem.heights.shape
         try:
             contact = solve_posed(problem)
         except ArithmeticError as failure:
-            trial = Trial((rows, columns), dropped, {}, str(failure), 0.0, 0.0)
+            trial = Trial(
+                nodes=(rows, columns),
+                waves_dropped=dropped,
+                errors={},
+                reason=str(failure),
+                convolutions=0.0,
+                work=0.0,
+            )
             self.trials.append(trial)
             return None
-        # The contact of an earlier trial is the coarser one where it has every second node.
-        coarse = self.contacts.get(((rows + 1) // 2, (columns + 1) // 2))
-        error = contact.grid_error(coarse)
-        self.contacts[rows, columns] = contact
-        answers = {
-            name: self._parts(contact, error, name, dropped=dropped)
-            for name in self.asked
+        # An earlier trial on half of the nodes a side, if there is one, is the coarser contact.
+        coarse = self.contact_by_nodes.get(((rows + 1) // 2, (columns + 1) // 2))
+        bars = contact.grid_error(coarse)
+        self.contact_by_nodes[rows, columns] = contact
+        errors = {
+            name: self._parts(contact, bars, name, dropped=dropped)
+            for name in self.asked_errors
         }
         convolutions = float(contact.convolutions)
-        if coarse is None:
-            for coarser in (error.coarse, error.coarsest):
+        if coarse is None:  # otherwise the coarser ones are counted in the earlier trial
+            for coarser in (bars.coarse, bars.coarsest):
                 if coarser is not None:
                     share = work(coarser.pressure.shape) / work((rows, columns))
                     convolutions += coarser.convolutions * share
         trial = Trial(
             nodes=(rows, columns),
             waves_dropped=dropped,
-            answers=answers,
-            reason=error.reason,
+            errors=errors,
+            reason=bars.reason,
             convolutions=convolutions,
-            work=convolutions * work((rows, columns)) / work(self.given.heights.shape),
+            work=convolutions
+            * work((rows, columns))
+            / work(self.map_problem.heights.shape),
         )
-        if trial.excess < min((each.excess for each in self.trials), default=math.inf):
-            self.best = contact
+        smallest_ratio = min((one.error_ratio for one in self.trials), default=math.inf)
+        if trial.error_ratio < smallest_ratio:
+            self.best_contact = contact
         self.trials.append(trial)
         return contact
 
     def _parts(
-        self, contact: Contact, error: GridError, name: str, *, dropped: float
+        self, contact: Contact, bars: GridError, name: str, *, dropped: float
     ) -> ErrorParts:
-        """Return the relative error of an answer by its causes."""
+        """Return the relative error of an answer by its causes.
+
+        The area's error for dropped waves serves for every answer, and so does the tolerance, which
+        is relative to Delta.
+        """
         return ErrorParts(
-            asked=self.asked[name],
-            grid=TO_95_PERCENT * _relative_bar(contact, error, name),
+            asked_error=self.asked_errors[name],
+            grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
             waves=OF_DROPPED * dropped,
             solver=contact.problem.rtol,
         )
 
     def _message(self) -> str:
         """Say that the errors are not reachable, what the best bars are, and why."""
-        asked = self._in_words(self.asked)
-        judged = [trial for trial in self.trials if trial.excess < math.inf]
+        asked_text = self._in_words(self.asked_errors)
+        unreachable = f"{asked_text} not reachable on the nodes of the given map"
+        judged = [trial for trial in self.trials if trial.error_ratio < math.inf]
         if not judged:
             reason = self.trials[-1].reason if self.trials else "no grid could be tried"
-            return f"{asked} not reachable on the nodes of the given map, no bar holds: {reason}"
-        best = min(judged, key=lambda trial: trial.excess)
-        reached = self._in_words(
-            {name: parts.total for name, parts in best.answers.items()}
+            return f"{unreachable}, no bar holds: {reason}"
+        best = min(judged, key=lambda trial: trial.error_ratio)
+        reached_text = self._in_words(
+            {name: parts.total for name, parts in best.errors.items()}
         )
         rows, columns = best.nodes
         return (
-            f"{asked} not reachable on the nodes of the given map: the best is {reached}, on"
-            f" {rows} x {columns} nodes, where {best.reason}: ask for no less, or give a map with"
-            " more nodes in a wave"
+            f"{unreachable}: the best is {reached_text}, on {rows} x {columns} nodes, where"
+            f" {best.reason}: ask for no less, or give a map with more nodes in a wave"
         )
 
     def _in_words(self, errors: Mapping[str, float]) -> str:
@@ -693,7 +729,9 @@ def _read_free(
 
 
 def _interpolated(heights: Field, axis: int, places: Values) -> Field:
-    """Return heights at places [spacing] along an axis, by polynomials through nodes beside each.
+    """Return heights at places [spacing] along an axis, interpolated from the nodes around.
+
+    Each is by Lagrange's polynomial through the `NODES_BESIDE` nodes around its place.
 
     Places at nodes give the heights of these nodes.
     """
@@ -705,13 +743,13 @@ def _interpolated(heights: Field, axis: int, places: Values) -> Field:
     read_shape[axis] = places.size
     read: Field = np.zeros(read_shape)
     from_first = places - first
-    for node in range(beside):
+    for number in range(beside):
         weight = np.ones_like(places)
         for other in range(beside):
-            if other != node:
-                weight *= (from_first - other) / (node - other)
-        nearest = heights.take(first + node, axis)
-        read += nearest * np.expand_dims(weight, 1 - axis)
+            if other != number:
+                weight *= (from_first - other) / (number - other)
+        neighbours = heights.take(first + number, axis)
+        read += neighbours * np.expand_dims(weight, 1 - axis)
     return read
 
 

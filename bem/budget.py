@@ -9,21 +9,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ErrorParts:
-    """Relative error of one answer at 95 %, by its causes.
+    """Relative error of one answer, kept with a probability of 95 %, by its causes.
 
     Attributes
     ----------
-    asked : float
+    asked_error : float
         Largest relative error that was asked for [1].
     grid : float
-        Error of a grid for the waves that it has, infinite where no bar holds [1].
+        Error that the grid makes with the waves that it keeps, infinite where no bar holds [1].
     waves : float
         Error for the waves of the given map that the grid has dropped [1].
     solver : float
         Error for the tolerance of the solver [1].
     """
 
-    asked: float
+    asked_error: float
     grid: float
     waves: float
     solver: float
@@ -36,7 +36,7 @@ class ErrorParts:
     @property
     def is_met(self) -> bool:
         """Whether the error is at most the one that was asked for."""
-        return self.total <= self.asked
+        return self.total <= self.asked_error
 
 
 @dataclass(frozen=True)
@@ -48,34 +48,37 @@ class Trial:
     nodes : tuple of int
         Nodes (mx, my) of the grid.
     waves_dropped : float
-        Share of the given map's mean square slope that the grid has not [1].
-    answers : mapping of str to ErrorParts
+        Share of the given map's mean square slope that the grid lacks [1].
+    errors : mapping of str to ErrorParts
         Errors of the answers that were asked for, by their names; empty without a contact.
     reason : str
         Reason why the answers hold or do not hold, without a full stop.
     convolutions : float
-        Convolutions of the contact and of the coarser ones that judge it and are no trials
-        themselves, in convolutions on the grid that was tried [1].
+        Cost of the contact, and of those coarser ones that were solved only to judge it. The unit
+        is a convolution on this grid [1].
     work : float
-        The same, in convolutions on the given map [1].
+        The same cost. The unit is a convolution on the given map [1].
     """
 
     nodes: tuple[int, int]
     waves_dropped: float
-    answers: Mapping[str, ErrorParts]
+    errors: Mapping[str, ErrorParts]
     reason: str
     convolutions: float
     work: float
 
     @property
-    def is_met(self) -> bool:
+    def meets_errors(self) -> bool:
         """Whether all answers have the errors that were asked for."""
-        return bool(self.answers) and all(parts.is_met for parts in self.answers.values())
+        return bool(self.errors) and all(parts.is_met for parts in self.errors.values())
 
     @property
-    def excess(self) -> float:
-        """Largest error over the one that was asked for, infinite where no bar holds [1]."""
-        ratios = [parts.total / parts.asked for parts in self.answers.values()]
+    def error_ratio(self) -> float:
+        """Largest ratio of an error to the one asked for [1].
+
+        It is at most 1 if all are met, and infinite where no bar holds or there is no contact.
+        """
+        ratios = [parts.total / parts.asked_error for parts in self.errors.values()]
         return max(ratios, default=math.inf)
 
 
@@ -85,28 +88,29 @@ class Budget:
 
     Attributes
     ----------
-    given : tuple of int
+    map_nodes : tuple of int
         Nodes (nx, ny) of the given map.
     tolerance : float
         Tolerance of the solver [Delta].
     trials : tuple of Trial
-        The grids that were tried, the last one is that of the contact. Without a load no grid is
-        tried: nothing touches, which is exact.
+        The grids that were tried, in this order. The last one is that of the contact, but in
+        `NotReachable` any of them may be the best. Empty without a load: nothing touches, which is
+        exact.
     """
 
-    given: tuple[int, int]
+    map_nodes: tuple[int, int]
     tolerance: float
     trials: tuple[Trial, ...]
 
     @property
-    def answers(self) -> Mapping[str, ErrorParts]:
+    def errors(self) -> Mapping[str, ErrorParts]:
         """Errors of the answers that were asked for, by their names."""
-        return self.trials[-1].answers if self.trials else {}
+        return self.trials[-1].errors if self.trials else {}
 
     @property
     def nodes(self) -> tuple[int, int]:
         """Nodes of the contact's grid."""
-        return self.trials[-1].nodes if self.trials else self.given
+        return self.trials[-1].nodes if self.trials else self.map_nodes
 
     @property
     def work(self) -> float:

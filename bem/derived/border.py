@@ -256,24 +256,24 @@ def border_edges(
     fields = _continued(problem.boundary, pressure, gap, depth)
     contact = fields.pressure > 0
     touching = np.flatnonzero(contact & fields.on_patch)
-    row = pressure.shape[1] + 2 * RIM
-    for axis, inward in (
-        (0, row),
-        (0, -row),
-        (1, 1),
-        (1, -1),
-    ):  # flat steps to the inner node
-        inner = touching[~contact[touching - inward]]
+    row = pressure.shape[1] + 2 * RIM  # flat step along the first axis
+    # The axis that edges are across, and the flat step from the open node to the contact node.
+    ways = ((0, row), (0, -row), (1, 1), (1, -1))
+    for axis, inward in ways:
+        inner = touching[
+            ~contact[touching - inward]
+        ]  # contact nodes with an edge this way
         spacing = problem.spacing[axis]
         ratio = spacing / problem.spacing[1 - axis]
         if ratio > 1:
+            # the same nodes as `inner`, as a mask
             facing = _on_patch(contact & ~np.roll(contact, inward), pressure.shape)
             directions = _by_runs(
                 facing, axis, min(ratio, LARGEST_RATIO), problem.boundary
             )
         else:
-            across = 1 if axis == 0 else row
-            neighbours = np.array([inner + across, inner - across])
+            along_edge = 1 if axis == 0 else row  # flat step to the next edge in line
+            neighbours = np.array([inner + along_edge, inner - along_edge])
             in_line = contact[neighbours] & ~contact[neighbours - inward]
             directions = _by_neighbours(in_line, ratio)
         yield _edges_between(

@@ -359,6 +359,7 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
     creased = _touches_at_creases(contact)
     if creased:
         highest_order = 1.0
+    # An error in proportion to spacing**p is 2**p times as large on the coarser grid.
     remaining = 1 / (2 ** min(max(order, lowest_order), highest_order) - 1)
     summit = 0.0
     if problem.datum is None:
@@ -381,7 +382,9 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
     else:
         coarse, fault = _on_half_of_the_nodes(contact, summit)
         if coarse is not None:
-            coarsest, _ = _on_half_of_the_nodes(coarse, 0.0)
+            # The coarsest contact is compared only: its summit needs no check.
+            coarsest, _ = _on_half_of_the_nodes(coarse, summit=0.0)
+    # Judging the bars needs the bars, so that the verdicts are filled in afterwards.
     error = GridError(
         verdicts={},
         reason=fault,
@@ -401,16 +404,18 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
         verdict = _judged(error, coarse)
     verdicts = dict.fromkeys(OF_DIFFERENCE, verdict.resolved)
     if spare <= NEARLY_YIELDED or error._opened.area_percent > 0:
-        # The hardness gives the area of yielded bodies. Their stiffness follows from many spots.
+        # Where the hardness decides the area, or a full contact may open between nodes, the
+        # stiffness still depends on spots that the grid does not show.
         verdicts["stiffness"] = False
     return replace(error, verdicts=verdicts, reason=verdict.reason)
 
 
 def _touches_at_creases(contact: Contact) -> bool:
-    """Return whether slopes change from node to node where the surface touches.
+    """Return whether slopes jump at single nodes where the surface touches.
 
-    Second differences of a smooth surface over two nodes are four times those over one, at creases
-    they are twice as large at most places. The axis with larger second differences decides.
+    On a smooth surface the sum of the squares of second differences over two nodes is 16 times that
+    over one. At creases it is 8 times: those over two are twice as large, and twice as many. The
+    axis with the larger sum over one node decides.
     """
     heights = contact.problem.heights
     rows, columns = np.nonzero(contact.pressure > 0)
@@ -430,9 +435,9 @@ def _touches_at_creases(contact: Contact) -> bool:
             second = before + after - 2 * lines[along, across]
             squares.append(float(second @ second))
         sums.append((squares[0], squares[1]))
-    largest = max(sums, default=(0.0, 0.0))
+    over_one, over_two = max(sums, default=(0.0, 0.0))
     rounding = (1e-13 * float(np.ptp(heights))) ** 2 * heights.size
-    return rounding < largest[0] and largest[1] < OF_CREASES * largest[0]
+    return over_one > rounding and over_two < OF_CREASES * over_one
 
 
 def _opened_between_nodes(contact: Contact) -> _Opened:
@@ -499,17 +504,22 @@ def _on_half_of_the_nodes(contact: Contact, summit: float) -> tuple[Contact | No
 
 
 def _judged(error: GridError, coarse: Contact) -> _Verdict:
-    """Judge by the areas on both grids whether the bar of the area holds."""
+    """Judge by the areas on both grids whether the bar of the area holds.
+
+    The first reason counts.
+    """
     contact = error.contact
     area = area_within(contact)
     coarse_area = area_within(coarse, contact.problem.spacing)
-    if area == 0 < contact.force:
+    if area == 0 and contact.force > 0:
         reason = "no spot of contact is as large as a cell of the grid"
         return _Verdict(resolved=False, reason=reason)
-    # Without contact, an area of the coarser grid is 100 % more.
-    change = float(coarse_area > 0)
     if area:
         change = coarse_area / area - 1
+    elif coarse_area > 0:  # nothing touches here: any area counts as 100 % more
+        change = 1.0
+    else:
+        change = 0.0
     comparison = _in_words(change)
     if error.spare <= NEARLY_YIELDED:
         borne = f"{100 * (1 - error.spare):.3g} %"
@@ -532,7 +542,7 @@ def _judged(error: GridError, coarse: Contact) -> _Verdict:
 
 
 def _in_words(change: float) -> str:
-    """Say how much the area on half of the nodes differs.
+    """Say how the area on half of the nodes compares.
 
     `change` is the difference relative to the area on all nodes.
     """

@@ -435,23 +435,23 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     """
     from gen.maps.contacts import CONTINUUM_ERROR
 
-    # The line of the area states its error, and another line the nodes of the grid.
+    # The area's line states its error, and the line "solved on" the nodes of the grid.
     repeated = {CONTINUUM_ERROR, "solved_nodes_x", "solved_nodes_y"}
     # On a rigid far field the approach is Delta, which has a line already.
     if contact.approach == contact.delta:
         repeated.add(QUANTITIES["approach"].in_tables)
     x, y = contact.problem.spacing
     area = contact.contact_nodes * x * y  # [um2]
-    mean_pressure = contact.force  # 0 if no node is in contact
+    mean_pressure = 0.0  # [MPa]
     if area:
-        mean_pressure = contact.force / area  # [MPa]
+        mean_pressure = contact.force / area
     lines = [
         (answer.label, answer.shown, answer.unit)
         for answer in answers
         if answer.column not in repeated and not answer.is_detail
     ]
     if contact.budget is not None:
-        lines.append(_grid_solved(contact.budget))
+        lines.append(_line_of_solved_grid(contact.budget))
     lines.append(
         ("contact pressure", f"{mean_pressure:.6g}", "MPa, mean where in contact")
     )
@@ -463,11 +463,14 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     print_columns(lines)
 
 
-def _grid_solved(budget: Budget) -> tuple[str, str, str]:
-    """Return the line of a report about the grid that was solved for errors."""
+def _line_of_solved_grid(budget: Budget) -> tuple[str, str, str]:
+    """Return the line about the grid on which a contact with asked errors was solved.
+
+    It has a label, a value and a unit.
+    """
     nx, ny = budget.nodes
-    given_nx, given_ny = budget.given
-    return "solved on", f"{nx} x {ny}", f"of {given_nx} x {given_ny} nodes"
+    map_nx, map_ny = budget.map_nodes
+    return "solved on", f"{nx} x {ny}", f"of {map_nx} x {map_ny} nodes"
 
 
 MAIN = (
@@ -525,7 +528,7 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
     bodies : Bodies
         Material of both bodies, for the title of each table.
     """
-    from gen.maps.contacts import is_detail
+    from gen.maps.contacts import CONTINUUM_ERROR, is_detail
 
     hidden = {
         *COLUMNS_OF_FILES,
@@ -533,7 +536,7 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
         "surface",
         "prepared",
         "warnings",
-        "continuum_area_error_percent",
+        CONTINUUM_ERROR,
         column,
     }
     names = [name for name in rows[0] if name not in hidden and not is_detail(name)]

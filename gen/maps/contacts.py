@@ -294,7 +294,9 @@ def _about_the_grid(contact: Contact) -> list[Answer]:
 
 
 def _about_the_errors(contact: Contact, errors: Mapping[str, float]) -> list[Answer]:
-    """Return five answers for each error that was asked for: it, what was asked, and its parts.
+    """Return five answers for each error that was asked for.
+
+    They are the error that was reached, the one that was asked for, and three parts of the first.
 
     Parameters
     ----------
@@ -307,24 +309,24 @@ def _about_the_errors(contact: Contact, errors: Mapping[str, float]) -> list[Ans
 
     assert contact.budget is not None  # `solve_within` sets it
     about_the_errors: list[Answer] = []
-    for name, asked in errors.items():
-        exact = ErrorParts(asked=asked, grid=0.0, waves=0.0, solver=0.0)
-        parts = contact.budget.answers.get(name, exact)
+    for name, asked_error in errors.items():
+        exact = ErrorParts(asked_error=asked_error, grid=0.0, waves=0.0, solver=0.0)
+        parts = contact.budget.errors.get(name, exact)
         about_the_errors += _about_an_error(name, parts)
     return about_the_errors
 
 
 def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
-    """Return the relative error of an answer, the one that was asked for, and its parts [%].
+    """Return five answers [%]: the error that was reached, the one asked for, and three parts.
 
-    `name` is the name of the answer in `bem.accuracy.ANSWERS`. The last four are details, which the
-    remark on the first one states for people.
+    `name` is the name of the answer in `bem.accuracy.ANSWERS`. Only files have the last four,
+    because the first one states them in its unit.
     """
     quantity = CONTINUUM if name == "area" else QUANTITIES[name]
     column = f"{name}{RELATIVE_ERROR}"
     error = 100 * parts.total
     remark = (
-        f"% of it at 95 %, asked {_percent(parts.asked)}: grid {_percent(parts.grid)},"
+        f"% of it at 95 %, asked {_percent(parts.asked_error)}: grid {_percent(parts.grid)},"
         f" dropped waves {_percent(parts.waves)}, solver {_percent(parts.solver)}"
     )
     about_the_error = [
@@ -333,11 +335,11 @@ def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
             value=error,
             label=f"error of {quantity.noun}",
             unit=remark,
-            error=error,
+            error=error,  # the error's own size, so that it is shown with two digits
         )
     ]
     details = {
-        "asked": parts.asked,
+        "asked": parts.asked_error,
         "from_grid": parts.grid,
         "from_waves": parts.waves,
         "from_solver": parts.solver,

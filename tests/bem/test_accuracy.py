@@ -140,7 +140,7 @@ def test_a_small_delta_that_leaves_the_cut_surface_untouched_is_refined():
     delta = 0.02 * (heights.max() - heights.mean())
     contact = bem.solve_within(heights, 1.0, 0.2, delta=delta, boundary="periodic")
     full = bem.solve(heights, 1.0, delta, boundary="periodic")
-    assert not contact.budget.trials[0].is_met
+    assert not contact.budget.trials[0].meets_errors
     assert contact.continuum_area_percent == pytest.approx(
         full.continuum_area_percent, rel=0.2
     )
@@ -176,10 +176,10 @@ def test_each_answer_has_an_error_of_its_own():
     }
     contact = bem.solve_within(heights, 1.0, asked, pressure=0.01, boundary="mirror")
     full = bem.solve(heights, 1.0, pressure=0.01, boundary="mirror")
-    answers = contact.budget.answers
+    answers = contact.budget.errors
     assert answers.keys() == asked.keys()
     for name, parts in answers.items():
-        assert parts.asked == asked[name]
+        assert parts.asked_error == asked[name]
         assert parts.total == pytest.approx(
             math.hypot(parts.grid, parts.waves, parts.solver)
         )
@@ -197,9 +197,9 @@ def test_the_budget_says_what_was_tried():
         given(192, "periodic"), 1.0, 0.02, pressure=0.01, boundary="periodic"
     )
     budget = contact.budget
-    assert budget.given == (192, 192)
+    assert budget.map_nodes == (192, 192)
     assert budget.nodes == contact.pressure.shape == budget.trials[-1].nodes
-    assert [trial.is_met for trial in budget.trials] == [False] * (
+    assert [trial.meets_errors for trial in budget.trials] == [False] * (
         len(budget.trials) - 1
     ) + [True]
     assert budget.work == pytest.approx(sum(trial.work for trial in budget.trials))
@@ -237,7 +237,7 @@ def test_too_few_nodes_are_refused_with_the_best_bar():
     refusal = info.value
     assert refusal.contact is not None
     assert refusal.budget.trials
-    assert not any(trial.is_met for trial in refusal.budget.trials)
+    assert not any(trial.meets_errors for trial in refusal.budget.trials)
 
 
 def test_few_nodes_in_contact_are_refused_with_the_reason():

@@ -515,7 +515,7 @@ def test_an_error_of_the_area_takes_fewer_nodes_and_is_told(capsys):
     nodes = contact.pressure.shape
     assert (row.solved_nodes_x, row.solved_nodes_y) == nodes
     assert f"solved on {nodes[0]} x {nodes[1]} of 128 x 128 nodes" in printed
-    parts = contact.budget.answers["area"]
+    parts = contact.budget.errors["area"]
     assert row.continuum_area_percent == pytest.approx(contact.continuum_area_percent)
     assert row.area_relative_error_percent == pytest.approx(100 * parts.total)
     assert row.area_relative_error_asked_percent == pytest.approx(3)
