@@ -73,7 +73,8 @@ NODES_BESIDE = 6
 # Most lines of a map, about, on which slopes are measured along each axis.
 LINES = 64
 
-ERRORS = Range(0, 1, "above 0 and below 1: 0.01 is one per cent")
+# Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
+ERRORS = Range(1e-14, 1, "above 1e-14 and below 1: 0.01 is one per cent")
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,7 @@ def solve_within(
     ------
     ValueError
         For input that no contact problem can have, for unknown names of answers, and for errors
-        that are not above 0 and below 1.
+        that are not above 1e-14 and below 1.
         NoSolution, a ValueError, for a load that no equilibrium carries, see `bem.solve`.
     NotReachable
         If no grid up to the given map has bars as short as asked. It says what the best bar is, and
@@ -212,7 +213,7 @@ def checked_errors(error: float | Mapping[str, float]) -> dict[str, float]:
     Raises
     ------
     ValueError
-        If there is no error, a name is unknown, or an error is not above 0 and below 1.
+        If there is no error, a name is unknown, or an error is not above 1e-14 and below 1.
     """
     if not isinstance(error, Mapping):
         error = {"area": error}
@@ -434,7 +435,7 @@ class _Search:
         rows, columns = best.nodes
         return (
             f"{unreachable}: the best is {reached_text}, on {rows} x {columns} nodes, where"
-            f" {best.reason}: ask for no less, or give a map with more nodes in a wave"
+            f" {best.reason}: ask for no less than that, or give a map with more nodes in a wave"
         )
 
     def _in_words(self, errors: Mapping[str, float]) -> str:

@@ -574,7 +574,8 @@ def test_full_contact_on_fewer_nodes_is_doubted(here, capsys):
     ("arguments", "message"),
     [
         (["--error", "gap=2%"], "answers with an error are area, mean_gap, stiffness"),
-        (["--error", "3"], "above 0 and below 1: 0.01 is one per cent"),
+        (["--error", "3"], "above 1e-14 and below 1: 0.01 is one per cent"),
+        (["--error", "1e-300"], "above 1e-14 and below 1: 0.01 is one per cent"),
         (["--error", "3%,area=2%"], "the error of area twice"),
         (["--error", "small"], "as 3% or 0.03"),
         (["--error", "3%", "--no-grid-error"], "--no-grid-error: leave it out"),
