@@ -98,9 +98,13 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     wanted = DECAY * np.log(CLOSED / pressures)
     texture = Texture(options.nodes, pressures, wanted)
     random = np.random.default_rng(options.seed)
-    start = random.normal(scale=0.1, size=texture.waves)
+    start = random.normal(scale=0.03, size=texture.waves)
     result = least_squares(
-        texture.misfits, start, jac=texture.derivatives, max_nfev=STEPS, xtol=1e-12
+        texture.misfits,
+        start,
+        jac=texture.derivatives,
+        method="dogbox",
+        max_nfev=STEPS,
     )
     gaps = {"pressure": pressures, "wanted": wanted}
     for name, numbers in {"start": start, "texture": result.x}.items():
