@@ -98,9 +98,13 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     wanted = DECAY * np.log(CLOSED / pressures)
     texture = Texture(options.nodes, pressures, wanted)
     random = np.random.default_rng(options.seed)
-    start = random.normal(scale=0.1, size=texture.waves)
+    start = random.normal(scale=0.03, size=texture.waves)
     result = least_squares(
-        texture.misfits, start, jac=texture.derivatives, max_nfev=STEPS, xtol=1e-12
+        texture.misfits,
+        start,
+        jac=texture.derivatives,
+        method="dogbox",
+        max_nfev=STEPS,
     )
     gaps = {"pressure": pressures, "wanted": wanted}
     for name, numbers in {"start": start, "texture": result.x}.items():
@@ -125,10 +129,10 @@ def plot(path: str, heights: np.ndarray, gaps: dict[str, np.ndarray]) -> None:
     surface.set(xlabel="x [um]", ylabel="y [um]")
     figure.colorbar(picture, ax=surface, label="height [um]")
     curve.semilogx(gaps["pressure"], gaps["wanted"], "k-", label="wanted")
-    curve.minorticks_off()
-    curve.set_xticks(gaps["pressure"], [f"{pressure:g}" for pressure in gaps["pressure"]])
     curve.semilogx(gaps["pressure"], gaps["start"], "o--", label="first texture")
     curve.semilogx(gaps["pressure"], gaps["texture"], "s", label="this texture")
+    curve.minorticks_off()
+    curve.set_xticks(gaps["pressure"], [f"{pressure:g}" for pressure in gaps["pressure"]])
     curve.set(xlabel="pressure [MPa]", ylabel="mean gap [um]", ylim=(0, None))
     curve.legend()
     figure.savefig(path, dpi=150)
