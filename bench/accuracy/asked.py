@@ -72,12 +72,12 @@ class _Pressed:
 
     @property
     def answers(self) -> tuple[str, ...]:
-        """Names of the answers that can be asked for: of Delta and force the one not given.
+        """Names of the answers that can be asked for: all but the given one of Delta and force.
 
         Answers that are zero or infinite on the exact grid are left out, as those of full contact.
         """
-        not_given = "force" if self.load == "delta" else "delta"
-        names = (AREA, "mean_gap", "stiffness", not_given)
+        is_given = "delta" if self.load == "delta" else "force"
+        names = [name for name in ANSWERS if name != is_given]
         return tuple(name for name in names if math.isfinite(self.true_value(name)))
 
     def true_value(self, answer: str) -> float:
