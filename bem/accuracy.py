@@ -452,11 +452,10 @@ class _Search:
             for name, asked in self.asked_errors.items()
         }
         convolutions = float(contact.convolutions)
-        if coarse is None:  # otherwise the coarser ones are counted in the earlier trial
-            for coarser in (bars.coarse, bars.coarsest):
-                if coarser is not None:
-                    share = work(coarser.pressure.shape) / work((rows, columns))
-                    convolutions += coarser.convolutions * share
+        # A coarser contact that was known is counted in the earlier trial.
+        if coarse is None and bars.coarse is not None:
+            share = work(bars.coarse.pressure.shape) / work((rows, columns))
+            convolutions += bars.coarse.convolutions * share
         trial = Trial(
             nodes=(rows, columns),
             waves_dropped=dropped,
