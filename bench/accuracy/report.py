@@ -16,6 +16,9 @@ from bench.files import Row
 from bench.report import Report
 from gen.runtime.errors import InputError
 
+FEWEST_NODES = 64
+"""Fewest nodes a side of a full grid: up to 64 of them are in the shortest wave."""
+
 STUDIES = ("asked", "times", "full")
 """Names of the studies."""
 
@@ -63,14 +66,13 @@ def accuracy(
     Raises
     ------
     InputError
-        If there is no such study, or the folder of maps cannot be read.
+        If there is no such study, a surface has no wave, a map has fewer than `FEWEST_NODES` nodes
+        a side, or no map of the folder can be read.
     """
-    for name in of:
-        if name not in STUDIES:
-            raise InputError(f"--of {name}: give some of {', '.join(STUDIES)}")
+    _check(waves, nodes, of)
     studies = of or STUDIES
     measured: list[MeasuredMap] = []
-    if maps is not None:
+    if maps is not None and "asked" in studies:
         measured = read_maps(maps)
     rows: list[Row] = []
     timed: list[Row] = []
@@ -98,3 +100,16 @@ def accuracy(
             "full-maps": large,
         }
     )
+
+
+def _check(waves: Sequence[int], nodes: Sequence[int], of: Sequence[str]) -> None:
+    """Raise InputError for numbers of waves and of nodes, and for studies, that cannot be."""
+    for name in of:
+        if name not in STUDIES:
+            raise InputError(f"--of {name}: give some of {', '.join(STUDIES)}")
+    for number in waves:
+        if number < 1:
+            raise InputError(f"--waves {number}: give numbers from 1 on")
+    for size in nodes:
+        if size < FEWEST_NODES:
+            raise InputError(f"--nodes {size}: give numbers from {FEWEST_NODES} on")
