@@ -25,6 +25,7 @@ from bem.threads import on_threads
 from bench.accuracy.surfaces import KINDS, MEASURED, MeasuredMap, Sample, window_of_map
 from bench.files import Row
 from bench.report import remark
+from gen.runtime.errors import InputError
 
 ERRORS = (0.03, 0.01, 0.003)
 """Relative errors that are asked for, at 95 % [1]."""
@@ -101,7 +102,10 @@ class _Pressed:
 
 
 def asked_and_got(
-    contacts: int, maps: Sequence[MeasuredMap] = (), processes: int = 2
+    contacts: int,
+    maps: Sequence[MeasuredMap] = (),
+    kinds: Sequence[str] = (),
+    processes: int = 2,
 ) -> list[Row]:
     """Ask for errors on contacts of every kind, and compare with an exact grid.
 
@@ -113,6 +117,8 @@ def asked_and_got(
         Number of contacts of each kind.
     maps : sequence of MeasuredMap
         Measured maps, whose windows are a kind more.
+    kinds : sequence of str
+        Names of the kinds; all of them if there are none.
     processes : int
         Number of processes that share the work. The rows do not depend on it.
 
@@ -121,9 +127,17 @@ def asked_and_got(
     list of Row
         Rows of three sorts, by column `asked_for`: "area" alone and "all" answers, each for every
         error in column `asked_percent`, and the 90 % bars of the "map". A row for each answer.
+
+    Raises
+    ------
+    InputError
+        If there is no such kind; that of measured maps needs maps.
     """
-    kinds = [*KINDS, *([MEASURED] if maps else [])]
-    tasks = [(kind, seed) for kind in kinds for seed in range(contacts)]
+    known = [*KINDS, MEASURED] if maps else list(KINDS)
+    for kind in kinds:
+        if kind not in known:
+            raise InputError(f"--kinds {kind}: give some of {', '.join(known)}")
+    tasks = [(kind, seed) for kind in kinds or known for seed in range(contacts)]
     judge = partial(_rows_of_contact, maps)
     rows: list[Row] = []
     for kind, results in groupby(_mapped(judge, tasks, processes), lambda of: of[0]):

@@ -32,6 +32,7 @@ def accuracy(
     large_maps: int,
     processes: int,
     maps: Path | None,
+    kinds: Sequence[str],
     of: Sequence[str],
 ) -> Report:
     """Make the tables of the studies, and print their progress on standard error.
@@ -54,6 +55,8 @@ def accuracy(
         Processes that share study `asked`, which takes no times.
     maps : Path or None
         Folder of measured maps for study `asked`.
+    kinds : sequence of str
+        Names of the kinds of surfaces in study `asked`; all of them if there are none.
     of : sequence of str
         Names of the studies; all of them if there are none.
 
@@ -66,8 +69,8 @@ def accuracy(
     Raises
     ------
     InputError
-        If there is no such study, a surface has no wave, a map has fewer than `FEWEST_NODES` nodes
-        a side, or no map of the folder can be read.
+        If there is no such study or kind, a surface has no wave, a map has fewer than
+        `FEWEST_NODES` nodes a side, or no map of the folder can be read.
     """
     _check(waves, nodes, of)
     studies = of or STUDIES
@@ -83,7 +86,7 @@ def accuracy(
         numbers = [max(large_maps >> place, 1) for place in range(len(nodes))]
         large = full_grid.full_grid(nodes, numbers)
     if "asked" in studies:
-        rows = asked_and_got(contacts, measured, processes)
+        rows = asked_and_got(contacts, measured, kinds, processes)
     ratios = times.ratios(timed)
     medians = full_grid.medians(large)
     return Report(

@@ -504,9 +504,9 @@ def _midpoint(random: np.random.Generator) -> Sample:
 
 
 KINDS: Mapping[str, Draw] = {
-    "waves, no edges": partial(_rough, boundary="periodic"),
-    "waves, mirrored": partial(_rough, boundary="mirror"),
-    "waves, free patch": partial(_rough, boundary="free"),
+    "waves without edges": partial(_rough, boundary="periodic"),
+    "mirrored waves": partial(_rough, boundary="mirror"),
+    "free waves": partial(_rough, boundary="free"),
     "two scales": _two_scales,
     "directional": _directional,
     "lognormal": _lognormal,

@@ -260,6 +260,10 @@ def test_full_grids_are_timed_beside_ours():
         (["--of", "speed"], "--of speed: give some of asked, times, full"),
         (["--maps", "none"], "none: is neither a file nor a folder"),
         (["--contacts", "0"], "contacts"),
+        (
+            ["--of", "asked", "--kinds", "cubes"],
+            "--kinds cubes: give some of waves without",
+        ),
         (["--waves", "8,0"], "--waves 0: give numbers from 1 on"),
         (["--nodes", "63"], "--nodes 63: give numbers from 64 on"),
     ],
