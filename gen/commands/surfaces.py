@@ -183,7 +183,7 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     `values` has the values of the option --conductivity: one for equal bodies, or two. Raises
     InputError if there are more values, or one is outside the range of physical numbers.
     """
-    from gen.maps.contacts import require_conductivities
+    from gen.maps.answers import require_conductivities
 
     if not values:
         return None

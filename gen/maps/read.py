@@ -21,6 +21,7 @@ from gen.maps.scan import (
     MOST_COLUMNS,
     NAMED_UNITS,
     UNITS,
+    Instrument,
     Scan,
     arrange,
     factor_of,
@@ -79,6 +80,7 @@ class Topography:
     exact_spacing: Sides | None = None
     # nodes that a warning calls codes, pits or spikes, shape (nx, ny); further warnings ignore them
     doubtful: NDArray[np.bool_] | None = None
+    instrument: Instrument = Instrument()  # limits of the instrument, as the file states them
 
     @property
     def spacing(self) -> Sides:
@@ -307,6 +309,7 @@ def read(
         steps=tuple(steps),
         boundary=boundary,
         unit=unit.name,
+        instrument=scan.instrument,
     )
     warnings = [f"the file's own scale is overruled: {text}" for text in overruled]
     warnings += _doubts_about_scale(scan, topography)
