@@ -3,7 +3,7 @@
 Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """
 
-from bem.accuracy import NotReachable, solve_within
+from bem.accuracy import NotReachable, Surface, solve_within
 from bem.budget import Budget
 from bem.contact import Contact
 from bem.derived.grid_error import GridError
@@ -22,6 +22,7 @@ __all__ = [
     "NotReachable",
     "OutOfRange",
     "Problem",
+    "Surface",
     "ladder",
     "solve",
     "solve_within",
