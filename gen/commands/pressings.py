@@ -16,8 +16,8 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
 
     from bem.problem import Boundary
-    from gen.maps.bodies import Opposite
     from gen.maps.answers import Answer, AnswerOptions
+    from gen.maps.bodies import Opposite
     from gen.maps.contacts import LoadSolution, SolvedLoads
     from gen.maps.limits import MapLimits
     from gen.maps.read import Topography
@@ -320,7 +320,9 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     remark = contacts.border_remark(topography, solved.last, len(rows))
     if remark:
         echo(f"{topography.name}: {remark}")
-    if limits is not None and len(rows) > 1:  # the report of one contact has a line for them
+    if (
+        limits is not None and len(rows) > 1
+    ):  # the report of one contact has a line for them
         echo(f"{topography.name}: limits of the map: {limits.text}")
     record = _record(topography, warnings)
     _write_one(surface, [{**row, **record} for row in rows], files)

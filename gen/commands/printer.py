@@ -423,11 +423,7 @@ def print_contacts(solved: SolvedLoads) -> None:
         return
     hidden = {*COLUMNS_OF_FILES, NODES_A_WAVE}
     rows = [
-        [
-            answer
-            for answer in row
-            if answer.column not in hidden and not answer.is_detail
-        ]
+        [answer for answer in row if answer.column not in hidden and not answer.is_detail]
         for row in solved.rows
     ]
     titles = [answer.column for answer in rows[0]]

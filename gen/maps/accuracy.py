@@ -7,7 +7,7 @@ each answer, its error with the parts of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gen.quantities import CONTINUUM, QUANTITIES, Quantity
@@ -83,8 +83,8 @@ def quantity_of(name: str) -> Quantity:
     return CONTINUUM if name == "area" else QUANTITIES[name]
 
 
-def parts_of(budget: Budget, errors: Mapping[str, float]) -> Iterator[ErrorParts]:
-    """Yield the parts of each error that was asked for.
+def parts_of(budget: Budget, errors: Mapping[str, float]) -> dict[str, ErrorParts]:
+    """Return the parts of each error that was asked for.
 
     Parameters
     ----------
@@ -94,16 +94,33 @@ def parts_of(budget: Budget, errors: Mapping[str, float]) -> Iterator[ErrorParts
     errors : mapping from str to float
         Largest relative errors, by the names of their answers [1].
 
-    Yields
-    ------
+    Returns
+    -------
+    dict of str to ErrorParts
+        The parts by the names of the answers.
+    """
+    return {
+        name: budget.errors.get(name, exact_parts(asked_error))
+        for name, asked_error in errors.items()
+    }
+
+
+def exact_parts(asked_error: float) -> ErrorParts:
+    """Return the error of an answer that is exact, as without a load.
+
+    Parameters
+    ----------
+    asked_error : float
+        The error that was asked for [1].
+
+    Returns
+    -------
     ErrorParts
-        The parts of one error, in the order of `errors`.
+        An error whose parts are 0.
     """
     from bem.budget import ErrorParts
 
-    for name, asked_error in errors.items():
-        exact = ErrorParts(asked_error=asked_error, grid=0.0, waves=0.0, solver=0.0)
-        yield budget.errors.get(name, exact)
+    return ErrorParts(asked_error=asked_error, grid=0.0, waves=0.0, solver=0.0)
 
 
 def columns_of_grid(nodes: tuple[int, int]) -> Row:
@@ -122,7 +139,7 @@ def columns_of_grid(nodes: tuple[int, int]) -> Row:
     return {NODES_X: nodes[0], NODES_Y: nodes[1]}
 
 
-def columns_of_error(name: str, parts: ErrorParts) -> Row:
+def columns_of_error(name: str, parts: ErrorParts) -> dict[str, float]:
     """Return the cells about an error: its size, the one that was asked for, and its parts.
 
     Parameters

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, NamedTuple
 
 from gen.maps import accuracy
+from gen.maps.limits import NODES_A_WAVE, MapLimits
 from gen.material import require_within
 from gen.quantities import (
     CONDUCTANCE,
@@ -23,7 +24,6 @@ from gen.runtime.errors import InputError
 if TYPE_CHECKING:
     from bem import Contact
     from bem.budget import ErrorParts
-    from gen.maps.limits import MapLimits
 
 
 @dataclass(frozen=True)
@@ -296,8 +296,7 @@ def _about_the_errors(contact: Contact, errors: Mapping[str, float]) -> list[Ans
     """
     assert contact.budget is not None  # `solve_within` sets it
     about_the_errors: list[Answer] = []
-    parts_of_errors = accuracy.parts_of(contact.budget, errors)
-    for name, parts in zip(errors, parts_of_errors, strict=True):
+    for name, parts in accuracy.parts_of(contact.budget, errors).items():
         about_the_errors += _about_an_error(name, parts)
     return about_the_errors
 
@@ -327,22 +326,24 @@ def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
 
 def _about_the_limits(limits: MapLimits) -> list[Answer]:
     """Return answers about the limits of a map; only files have those of the instrument."""
-    nodes, *instrument = limits.columns.items()
-    column, value = nodes
-    about_the_limits = [
-        Answer(
+    about_the_limits: list[Answer] = []
+    for column, value in limits.columns.items():
+        if column != NODES_A_WAVE:
+            about_the_limits.append(_detail(column, value))
+            continue
+        answer = Answer(
             column=column,
             value=value,
             label="limits of the map",
             unit=limits.remark,
-            error=value or 0.0,  # its own size, so that it is shown with two digits
+            # The number's own size, so that it is shown with two digits.
+            error=value if isinstance(value, float) else 0.0,
         )
-    ]
-    about_the_limits += [_detail(column, value) for column, value in instrument]
+        about_the_limits.append(answer)
     return about_the_limits
 
 
-def _detail(column: str, value: float | str) -> Answer:
+def _detail(column: str, value: float | int | str) -> Answer:
     """Return an answer that only files have."""
     return Answer(column=column, value=value, label=column, unit="", is_detail=True)
 

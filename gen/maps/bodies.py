@@ -160,8 +160,8 @@ def composite(
     Topography
         The composite surface. It has the steps and warnings of both maps, which begin with "body 1"
         and "body 2", and one more step. `followed` are the settings that both maps followed, and
-        `instrument` has the larger limits of both. Its name, heights, sides and doubtful nodes are new. All other fields, as the unit, are those of
-        the map with the finer grid.
+        `instrument` has the larger limits of both. Its name, heights, sides and doubtful nodes are
+        new. All other fields, as the unit, are those of the map with the finer grid.
 
     Raises
     ------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +19,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 
 if TYPE_CHECKING:
-    from bem import Contact
+    from bem import Contact, Surface
     from gen.maps.limits import MapLimits
 
 
@@ -96,6 +96,7 @@ def solve_loads(
     values: Sequence[float],
     *,
     errors: Mapping[str, float] | None = None,
+    prepared: Surface | None = None,
     **settings: Any,
 ) -> Iterator[LoadSolution]:
     """Solve the contact of a surface with a plane under one load after another.
@@ -115,6 +116,9 @@ def solve_loads(
     errors : mapping from str to float, optional
         Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1]. If they
         are given, the contact under each load is solved on the coarsest grid that gives them.
+    prepared : bem.Surface, optional
+        The surface from `prepared_surface` with the same settings, for contacts within errors; by
+        default it is prepared here.
     **settings : object
         Further settings of `bem.ladder`, as modulus [MPa] and hardness [MPa]; with `errors` those
         of `bem.Surface`.
@@ -130,17 +134,60 @@ def solve_loads(
         If a number is not allowed, there is no equilibrium, or memory is too short; at the last
         load, if no load was solved.
     """
-    settings |= {"boundary": topography.boundary, "spacing": topography.exact_spacing}
-    try:
+    grid = {"boundary": topography.boundary, "spacing": topography.exact_spacing}
+    with _faults_of(topography):
         if len(values) > 1:
-            _check_load(topography, load, max(values), settings)
-        contacts = _contacts(topography, load, values, errors, settings)
+            _check_load(topography, load, max(values), settings | grid)
+        if errors is None:
+            contacts = _ladder(topography, load, values, settings | grid)
+        else:
+            prepared = prepared or prepared_surface(topography, **settings)
+            contacts = _contacts_within(prepared, load, values, errors)
         yield from _solutions(contacts, load, values)
+
+
+@contextmanager
+def _faults_of(topography: Topography) -> Iterator[None]:
+    """Raise InputError with the name of a surface for errors of the solver about its input."""
+    try:
+        yield
     except ValueError as error:
         raise InputError(f"{topography.name}: {error}") from None
     except MemoryError:
         shortage = memory.too_little_for_solve(topography.heights.shape)
         raise InputError(f"{topography.name}: {shortage}") from None
+
+
+def prepared_surface(topography: Topography, **settings: Any) -> Surface:
+    """Prepare a surface once for contacts within errors under several loads.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface, without holes.
+    **settings : object
+        Settings of `bem.Surface`, without those that the topography has.
+
+    Returns
+    -------
+    bem.Surface
+        The prepared surface.
+
+    Raises
+    ------
+    InputError
+        If a number is not allowed, or memory is too short.
+    """
+    import bem
+
+    with _faults_of(topography):
+        return bem.Surface(
+            topography.heights,
+            topography.sides,
+            boundary=topography.boundary,
+            spacing=topography.exact_spacing,
+            **settings,
+        )
 
 
 def _check_load(
@@ -157,28 +204,33 @@ def _check_load(
     pose(topography.heights, topography.sides, **loads, **settings)
 
 
-def _contacts(
+def _ladder(
     topography: Topography,
     load: str,
     values: Sequence[float],
-    errors: Mapping[str, float] | None,
     settings: Mapping[str, Any],
 ) -> Iterator[Contact]:
-    """Return the contacts under all loads, each solved when it is taken.
+    """Return the contacts under all loads on the grid of the surface, each solved when it is taken.
 
-    The parameters are those of `solve_loads`. Taking a contact raises the errors of `bem.ladder`,
-    or with `errors` those of `bem.Surface.solve_within`, and InputError if a linear solve for an
-    answer does not converge. The contact under the next load can be taken after any of them.
+    Taking a contact raises the errors of `bem.ladder`. The contact under the next load can be taken
+    after any of them.
     """
     import bem
 
-    heights = topography.heights
-    sides = topography.sides
-    if errors is None:
-        loads: dict[str, Any] = {f"{load}s": values}
-        return bem.ladder(heights, sides, **loads, **settings)
+    loads: dict[str, Any] = {f"{load}s": values}
+    return bem.ladder(topography.heights, topography.sides, **loads, **settings)
 
-    surface = bem.Surface(heights, sides, **settings)
+
+def _contacts_within(
+    surface: Surface, load: str, values: Sequence[float], errors: Mapping[str, float]
+) -> Iterator[Contact]:
+    """Return the contacts under all loads within errors, each solved when it is taken.
+
+    Taking a contact raises the errors of `bem.Surface.solve_within`, and InputError if a linear
+    solve for an answer does not converge. The contact under the next load can be taken after any of
+    them.
+    """
+    import bem
 
     def solved_within(value: float) -> Contact:
         """Solve under a load on the coarsest grid that gives the errors."""
@@ -187,9 +239,7 @@ def _contacts(
             return surface.solve_within(errors, **one_load)
         except (bem.NotReachable, bem.OutOfRange):
             raise
-        except (
-            ArithmeticError
-        ) as failure:  # a linear solve for an answer does not converge
+        except ArithmeticError as failure:  # of a linear solve for an answer
             raise InputError(str(failure)) from None
 
     return map(solved_within, values)
@@ -200,8 +250,8 @@ def _solutions(
 ) -> Iterator[LoadSolution]:
     """Yield the solution under each load; raise ValueError at the last one if none is solved.
 
-    `contacts` are those of `_contacts`. A solution without a contact says why, and under which load
-    if there are several.
+    `contacts` are solved when they are taken. A solution without a contact says why, and under
+    which load if there are several.
     """
     import bem
 

@@ -22,7 +22,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from gen.maps.channels import Channel, choose_channel
-from gen.maps.scan import UNITS, Instrument, Scan, unit_of
+from gen.maps.scan import UNITS, UNKNOWN, Instrument, Scan, unit_of
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import LARGEST
@@ -344,7 +344,7 @@ def _instrument(info: Mapping[str, Any]) -> Instrument:
     try:
         parameters = info["instrument"]["parameters"]
     except (KeyError, TypeError):  # the reader knows no instrument, or nothing of it
-        return Instrument()
+        return UNKNOWN
     return Instrument(
         cut_off=_length(parameters, "resolution"),
         tip_radius=_length(parameters, "tip_radius"),

@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gen.maps.texture import nodes_a_wave, radial_waves
 from gen.runtime.documents import Row
 
 if TYPE_CHECKING:
@@ -23,7 +22,9 @@ if TYPE_CHECKING:
 class MapLimits:
     """The limits of a map."""
 
-    nodes_a_wave: float  # nodes in the shortest wave that carries roughness [1]; NaN without waves
+    nodes_a_wave: (
+        float  # nodes in the shortest wave that carries roughness [1]; NaN without waves
+    )
     instrument: Instrument  # limits of the instrument, as far as the file states them
 
     @property
@@ -57,6 +58,26 @@ class MapLimits:
             return self.remark
         return f"{self.nodes_a_wave:.2g} {self.remark}"
 
+    def or_worse(self, other: MapLimits) -> MapLimits:
+        """Return the worst limits of two maps.
+
+        Parameters
+        ----------
+        other : MapLimits
+            Limits of the other map.
+
+        Returns
+        -------
+        MapLimits
+            The fewer nodes in a wave, and the larger lengths of the instruments.
+        """
+        nodes = min(
+            self.nodes_a_wave,
+            other.nodes_a_wave,
+            key=lambda number: math.inf if math.isnan(number) else number,
+        )
+        return MapLimits(nodes, self.instrument.or_worse(other.instrument))
+
 
 NODES_A_WAVE = "map_nodes_a_wave"
 """Name of the column with the number of nodes in the shortest wave of a map [1]."""
@@ -79,6 +100,8 @@ def limits_of(topography: Topography) -> MapLimits:
     MapLimits
         Its limits. The nodes in its shortest wave are those of `gen describe`.
     """
+    from gen.maps.texture import nodes_a_wave, radial_waves
+
     waves = radial_waves(topography)
     return MapLimits(
         nodes_a_wave=nodes_a_wave(waves, topography.spacing),

@@ -21,6 +21,7 @@ from gen.maps.scan import (
     MOST_COLUMNS,
     NAMED_UNITS,
     UNITS,
+    UNKNOWN,
     Instrument,
     Scan,
     arrange,
@@ -80,7 +81,7 @@ class Topography:
     exact_spacing: Sides | None = None
     # nodes that a warning calls codes, pits or spikes, shape (nx, ny); further warnings ignore them
     doubtful: NDArray[np.bool_] | None = None
-    instrument: Instrument = Instrument()  # limits of the instrument, as the file states them
+    instrument: Instrument = UNKNOWN  # limits of the instrument, as the file states them
 
     @property
     def spacing(self) -> Sides:

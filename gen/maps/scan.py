@@ -102,7 +102,9 @@ def unit_of(name: str) -> str:
 class Instrument:
     """The limits of an instrument, as the file of a map states them; None for those it does not."""
 
-    cut_off: float | None = None  # length below which the instrument resolves nothing [um]
+    cut_off: float | None = (
+        None  # length below which the instrument resolves nothing [um]
+    )
     tip_radius: float | None = None  # radius of the tip that traced the surface [um]
 
     def or_worse(self, other: Instrument) -> Instrument:
@@ -122,6 +124,10 @@ class Instrument:
             cut_off=_larger(self.cut_off, other.cut_off),
             tip_radius=_larger(self.tip_radius, other.tip_radius),
         )
+
+
+UNKNOWN = Instrument()
+"""An instrument of which the file says nothing."""
 
 
 def _larger(first: float | None, second: float | None) -> float | None:
@@ -157,7 +163,7 @@ class Scan:
     names: tuple[str, ...] = ()
     # unit of the length along y, which is across the lines of a text; "" if it is `length_unit`
     y_unit: str = ""
-    instrument: Instrument = Instrument()  # limits of the instrument
+    instrument: Instrument = UNKNOWN  # limits of the instrument
 
 
 # largest number of columns of a list of points: three coordinates and three further numbers
