@@ -237,8 +237,7 @@ class Surface:
         """
         errors = checked_errors(error)
         problem = under_load(self._unloaded, delta, force=force, pressure=pressure)
-        tolerance = min(OF_TOLERANCE * min(errors.values()), LOOSEST)
-        problem = replace(problem, rtol=checked("rtol", tolerance))
+        problem = replace(problem, rtol=checked("rtol", tolerance_for(errors)))
         with on_threads(None if threads is None else checked("threads", threads)):
             return _Search(problem, self._coarsening, errors).solve()
 
@@ -432,15 +431,14 @@ class _Search:
         bars = contact.grid_error(coarse)
         self.contact_by_nodes[rows, columns] = contact
         errors = {
-            name: self._parts(contact, bars, name, dropped=dropped)
-            for name in self.asked_errors
+            name: error_parts(contact, bars, name, asked_error=asked, dropped=dropped)
+            for name, asked in self.asked_errors.items()
         }
         convolutions = float(contact.convolutions)
-        if coarse is None:  # otherwise the coarser ones are counted in the earlier trial
-            for coarser in (bars.coarse, bars.coarsest):
-                if coarser is not None:
-                    share = work(coarser.pressure.shape) / work((rows, columns))
-                    convolutions += coarser.convolutions * share
+        # A coarser contact that was known is counted in the earlier trial.
+        if coarse is None and bars.coarse is not None:
+            share = work(bars.coarse.pressure.shape) / work((rows, columns))
+            convolutions += bars.coarse.convolutions * share
         trial = Trial(
             nodes=(rows, columns),
             waves_dropped=dropped,
@@ -456,21 +454,6 @@ class _Search:
             self.best_contact = contact
         self.trials.append(trial)
         return contact
-
-    def _parts(
-        self, contact: Contact, bars: GridError, name: str, *, dropped: float
-    ) -> ErrorParts:
-        """Return the relative error of an answer by its causes.
-
-        The area's error for dropped waves serves for every answer, and so does the tolerance, which
-        is relative to Delta.
-        """
-        return ErrorParts(
-            asked_error=self.asked_errors[name],
-            grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
-            waves=OF_DROPPED * dropped,
-            solver=contact.problem.rtol,
-        )
 
     def _message(self) -> str:
         """Say that the errors are not reachable, what the best bars are, and why."""
@@ -495,6 +478,61 @@ class _Search:
         return ", ".join(
             f"{name} to {100 * value:.2g} %" for name, value in errors.items()
         )
+
+
+def error_parts(
+    contact: Contact, bars: GridError, name: str, *, asked_error: float, dropped: float
+) -> ErrorParts:
+    """Return the relative error of an answer at 95 %, by its causes.
+
+    The area's error for dropped waves serves for every answer, and so does the tolerance, which is
+    relative to Delta.
+
+    Parameters
+    ----------
+    contact : Contact
+        A solved contact.
+    bars : GridError
+        Its `Contact.grid_error`.
+    name : str
+        Name of the answer in `ANSWERS`.
+    asked_error : float
+        Largest relative error that is asked for [1].
+    dropped : float
+        Share of the surface's mean square slope that the contact's grid lacks [1].
+
+    Returns
+    -------
+    ErrorParts
+        The parts; that of the grid is infinite where no bar holds.
+
+    Raises
+    ------
+    ArithmeticError
+        If a linear solve for the stiffness does not converge.
+    """
+    return ErrorParts(
+        asked_error=asked_error,
+        grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
+        waves=OF_DROPPED * dropped,
+        solver=contact.problem.rtol,
+    )
+
+
+def tolerance_for(asked: Mapping[str, float]) -> float:
+    """Return the tolerance of the solver for errors that are asked for.
+
+    Parameters
+    ----------
+    asked : mapping of str to float
+        Largest relative errors by the names of the answers [1].
+
+    Returns
+    -------
+    float
+        A tenth of the least error, at most `LOOSEST` [Delta].
+    """
+    return min(OF_TOLERANCE * min(asked.values()), LOOSEST)
 
 
 def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
