@@ -1,7 +1,7 @@
 """The contact problem that a user states, checked before anything is computed."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -290,17 +290,11 @@ def pose(
         )
         elastic = checked_body(body)
     boundary = checked("boundary", boundary)
-    cells = _checked_spacing(surface.shape, side, spacing, boundary)
-    name, load = _only_load(delta=delta, force=force, pressure=pressure)
-    load = checked(name, load)
-    if name == "pressure" and load:  # the force of a tiny pressure must not become zero
-        load = max(surface.size * cells[0] * cells[1] * load, math.ulp(0.0))
-    by_delta = name == "delta"
     problem = Problem(
         heights=surface,
-        delta=load if by_delta else None,
-        force=None if by_delta else load,
-        spacing=cells,
+        delta=0.0,
+        force=None,
+        spacing=_checked_spacing(surface.shape, side, spacing, boundary),
         body=elastic,
         far_field=checked("far_field", far_field),
         hardness=None if hardness is None else checked("hardness", hardness),
@@ -308,8 +302,46 @@ def pose(
         max_iterations=checked("max_iterations", max_iterations),
         boundary=boundary,
     )
-    check_solvable(problem, pressure)
-    return problem
+    return under_load(problem, delta, force=force, pressure=pressure)
+
+
+def under_load(
+    problem: Problem,
+    delta: float | None,
+    *,
+    force: float | None = None,
+    pressure: float | None = None,
+) -> Problem:
+    """Return a problem with another load, which is checked.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with any load.
+    delta, force, pressure
+        The load, see `bem.solve`.
+
+    Returns
+    -------
+    Problem
+        The problem of the same bodies under the load; a mean pressure has become a force.
+
+    Raises
+    ------
+    ValueError, NoSolution
+        As `pose` raises them.
+    """
+    name, load = _only_load(delta=delta, force=force, pressure=pressure)
+    load = checked(name, load)
+    if name == "pressure" and load:  # the force of a tiny pressure must not become zero
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        load = max(area * load, math.ulp(0.0))
+    if name == "delta":
+        loaded = replace(problem, delta=load, force=None)
+    else:
+        loaded = replace(problem, delta=None, force=load)
+    check_solvable(loaded, pressure)
+    return loaded
 
 
 def _refuse_beside_body(**arguments: Any) -> None:

@@ -566,7 +566,7 @@ def solve_loads(
         are given, the contact under each load is solved on the coarsest grid that gives them.
     **settings : object
         Further settings of `bem.ladder`, as modulus [MPa] and hardness [MPa]; with `errors` those
-        of `bem.solve_within`.
+        of `bem.Surface`.
 
     Yields
     ------
@@ -616,8 +616,8 @@ def _contacts(
     """Return the contacts under all loads, each solved when it is taken.
 
     The parameters are those of `solve_loads`. Taking a contact raises the errors of `bem.ladder`,
-    or with `errors` those of `bem.solve_within`, and InputError if a linear solve for an answer
-    does not converge. The contact under the next load can be taken after any of them.
+    or with `errors` those of `bem.Surface.solve_within`, and InputError if a linear solve for an
+    answer does not converge. The contact under the next load can be taken after any of them.
     """
     import bem
 
@@ -627,11 +627,13 @@ def _contacts(
         loads: dict[str, Any] = {f"{load}s": values}
         return bem.ladder(heights, sides, **loads, **settings)
 
+    surface = bem.Surface(heights, sides, **settings)
+
     def solved_within(value: float) -> Contact:
         """Solve under a load on the coarsest grid that gives the errors."""
-        load_and_settings: dict[str, Any] = {load: value, **settings}
+        one_load: dict[str, Any] = {load: value}
         try:
-            return bem.solve_within(heights, sides, errors, **load_and_settings)
+            return surface.solve_within(errors, **one_load)
         except (bem.NotReachable, bem.OutOfRange):
             raise
         except (
