@@ -10,6 +10,7 @@ import pytest
 import bem
 from bem import HalfSpace, Layered
 from bem.bodies import ConcentratedForces
+from bem.derived.slip import partial_slip
 from bench.references.edgeless import Patch
 
 BASE = HalfSpace(1.0, 0.2)
@@ -76,7 +77,8 @@ def by_elasticity(q, body):
     return float(sum(top[column][3] * solution[column] for column in range(4)))
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.few(10)
+@pytest.mark.parametrize("seed", range(50))
 def test_the_compliance_of_a_layer_is_that_of_elasticity(seed):
     random = np.random.default_rng(seed)
     poisson = [*random.uniform(-0.9, 0.5, 2), 0.5]
@@ -227,7 +229,7 @@ def random_layer(random):
     )
 
 
-@pytest.mark.few(25)
+@pytest.mark.few(15)
 @pytest.mark.parametrize("seed", range(500))
 def test_contact_on_a_layer_is_that_of_dense_algebra(seed):
     random = np.random.default_rng(seed)
@@ -378,3 +380,26 @@ def test_a_layered_contact_has_no_conductance():
         contact.conductance(1.0, 1.0)
     with pytest.raises(ValueError, match="half-spaces only"):
         contact.interface_conductance(1.0, 1.0)
+
+
+@pytest.mark.parametrize("of", ["force", "mean_gap"])
+def test_gradients_on_a_rigid_base_are_differences(of):
+    body, heights = Layered(4.0, 1.0, 0.3, "rigid"), rough(12, 5)
+    contact = solve(body, heights=heights, delta=1.5, rtol=1e-11)
+    gradient, step = contact.gradient(of), 1e-5
+    for node in (np.flatnonzero(contact.pressure)[2], 0, 77):
+        moved = []
+        for sign in (1, -1):
+            changed = heights.copy()
+            changed.flat[node] += sign * step
+            answer = solve(body, heights=changed, delta=1.5, rtol=1e-11)
+            moved.append(getattr(answer, of))
+        assert gradient.flat[node] == pytest.approx(
+            (moved[0] - moved[1]) / (2 * step), rel=1e-4, abs=1e-7
+        )
+
+
+def test_partial_slip_on_layers_is_refused():
+    contact = solve(Layered(1.0, 1.0, 0.3, BASE), pressure=0.1)
+    with pytest.raises(ValueError, match="half-spaces only"):
+            partial_slip(contact, 0.3, [0.1 * contact.force], poisson=0.3)
