@@ -402,4 +402,4 @@ def test_gradients_on_a_rigid_base_are_differences(of):
 def test_partial_slip_on_layers_is_refused():
     contact = solve(Layered(1.0, 1.0, 0.3, BASE), pressure=0.1)
     with pytest.raises(ValueError, match="half-spaces only"):
-            partial_slip(contact, 0.3, [0.1 * contact.force], poisson=0.3)
+        partial_slip(contact, 0.3, [0.1 * contact.force], poisson=0.3)
