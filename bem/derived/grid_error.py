@@ -705,7 +705,8 @@ def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) ->
             continue
         sampled = all_lines
         if lines is not None:
-            sampled = all_lines[:, :: max(1, all_lines.shape[1] // lines)]
+            every = max(1, all_lines.shape[1] // lines)
+            sampled = np.ascontiguousarray(all_lines[:, ::every])
         slopes = [
             _mean_square_slope(sampled, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
