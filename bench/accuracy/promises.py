@@ -10,6 +10,7 @@ from bench.accuracy.summary import (
     is_within,
     percent,
 )
+from bench.accuracy.times import LIGHT
 from bench.files import Row
 
 ENOUGH_CONTACTS = 30
@@ -17,9 +18,6 @@ ENOUGH_CONTACTS = 30
 
 ALONE = {"area": "alone", "all": "with the others"}
 """How an answer was asked for, in words, by the column `asked_for`."""
-
-LIGHT = 0.05
-"""Mean pressure at which other solvers are judged [E* times the rms slope]."""
 
 JUDGED = 1.0
 """Error of the area at which other solvers are judged [%]."""

@@ -35,7 +35,10 @@ ERRORS = (0.03, 0.01, 0.003)
 ASKED = (0.1, *ERRORS)
 """Errors that our way is asked for; the first one is only for the picture."""
 
-PRESSURES = (0.05, 0.2)
+LIGHT = 0.05
+"""Mean pressure of the curves [E* times the rms slope]."""
+
+PRESSURES = (LIGHT, 0.2)
 """Mean pressures [E* times the rms slope]."""
 
 HURST = (0.8, 0.4)
@@ -522,7 +525,7 @@ def _mean(values: Iterable[float]) -> float | None:
 
 
 def curves(rows: Sequence[Row]) -> list[Row]:
-    """Return error and time of each way, as geometric means over surfaces.
+    """Return error and time of each way at the pressure `LIGHT`, as means over surfaces.
 
     Parameters
     ----------
@@ -532,28 +535,27 @@ def curves(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each pressure, number of waves, way and grid (for our way: each error asked for)
-        with the time, the size of the error, and both of them by default. Grids that not all
-        surfaces have are left out.
+        A row for each number of waves, way and grid (for our way: each error asked for) with the
+        geometric means of the time, of the size of the error, and of both of them by default. Grids
+        that not all surfaces have are left out.
     """
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        if row["row"] in {"grid", "default"}:
+        if row["row"] in {"grid", "default"} and row["pressure"] == LIGHT:
             setting = row["within_percent"] or row["nodes_in_wave"]
             if row["row"] == "default":
                 setting = "default"
-            key = (row["waves"], row["pressure"], row["way"], setting)
+            key = (row["waves"], row["way"], setting)
             groups.setdefault(key, []).append(row)
     surfaces = 1 + max((row["surface"] for row in rows), default=0)
     points = []
-    for (waves, pressure, way, setting), group in groups.items():
-        defaults = groups.get((waves, pressure, way, "default"))
+    for (waves, way, setting), group in groups.items():
+        defaults = groups.get((waves, way, "default"))
         if setting == "default" or defaults is None or len(group) < surfaces:
             continue
         points.append(
             {
                 "waves": waves,
-                "pressure": pressure,
                 "way": way,
                 **_means(group),
                 **{f"default_{name}": value for name, value in _means(defaults).items()},

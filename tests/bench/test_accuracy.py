@@ -174,7 +174,7 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
     monkeypatch.setattr(times, "PERIODIC_SOLVERS", (None, Stub()))
     monkeypatch.setattr(times, "installed", list)
     monkeypatch.setattr(times, "missing", lambda _: {})
-    monkeypatch.setattr(times, "PRESSURES", (0.2,))
+    monkeypatch.setattr(times, "PRESSURES", (times.LIGHT,))
     monkeypatch.setattr(times, "TRUTH_IN_WAVE", 32)
     monkeypatch.setattr(times, "MAP_IN_WAVE", 16)
     monkeypatch.setattr(times, "TURN", 1e-6)
