@@ -10,7 +10,6 @@ from bench.accuracy.summary import (
     is_within,
     percent,
 )
-from bench.accuracy.times import LIGHT
 from bench.files import Row
 
 ENOUGH_CONTACTS = 30
@@ -142,11 +141,7 @@ def _shares_of_kinds(bars: Sequence[Row]) -> list[float]:
 
 def _of_peers(ratios: Sequence[Row]) -> list[Row]:
     """Return the promises about other solvers, of which the fastest one is judged."""
-    judged = [
-        row
-        for row in ratios
-        if row["pressure"] == LIGHT and row["within_percent"] == JUDGED
-    ]
+    judged = [row for row in ratios if row["within_percent"] == JUDGED]
     table = []
     for kind, least in (("measured", 30.0), ("extrapolated", 100.0)):
         times = [row[f"{kind}_times_ours"] for row in judged]
