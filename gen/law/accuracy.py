@@ -52,9 +52,6 @@ if TYPE_CHECKING:
 Errors = Mapping[str, float]
 """Largest relative errors that were asked for, by the names of their answers [1]."""
 
-FOLLOWING = {"delta": " (the closure)", "stiffness": " (the conductance)"}
-"""Quantities of laws that follow from answers, in words, by the names of the answers."""
-
 
 def with_bands(points: Points, errors: Errors, load: Load) -> Points:
     """Give the quantities of one surface bands as wide as their errors.
@@ -294,9 +291,19 @@ def notes(
         exact.add("force")  # pressures are given
     if "pressure" not in loads:
         exact.add("delta")
-    others = [f"{name}{FOLLOWING.get(name, '')}" for name in ANSWERS if name not in exact]
+    others = [_with_followers(name) for name in ANSWERS if name not in exact]
     if others:
         yield f"no error was asked for of {', '.join(others)}"
+
+
+def _with_followers(name: str) -> str:
+    """Return the name of an answer, with the quantity of a law that follows from it if any."""
+    match name:
+        case "delta":
+            return f"{name} (the closure)"
+        case "stiffness":
+            return f"{name} (the conductance)"
+    return name
 
 
 def _grids_in_words(budgets: Sequence[Budget]) -> str:
