@@ -44,6 +44,8 @@ class Sheared:
     @property
     def interface_stiffness(self) -> float:
         """Stiffness of the interface where nothing slips [N/m], infinite at full contact."""
+        if self.contact.contact_nodes == self.contact.pressure.size:
+            return math.inf
         return self._without_patch(self._stiffness)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,6 +15,9 @@ from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
 from gen.runtime.terminal import echo
+
+if TYPE_CHECKING:  # each command imports no more than it needs
+    from gen.law import Order
 
 
 @grouped
@@ -215,13 +218,19 @@ def _refuse_other_bodies(friction: Friction | None, kernel: str, far_field: str)
     )
 
 
-def _refuse_needless_pressure(pressure: float | None, friction: Friction | None) -> None:
-    """Refuse the option --at-pressure [MPa] without --friction, or out of range."""
+def _refuse_stick_pressure(order: Order) -> None:
+    """Refuse the option --at-pressure without --friction, or outside the pressures of a law."""
+    pressure = order.stick_pressure
     if pressure is None:
         return
-    if friction is None:
+    if order.friction is None:
         raise InputError("--at-pressure goes with --friction")
     require_within("--at-pressure", pressure, "MPa")
+    from gen.law.finite_elements import require_in_law
+
+    pressures = order.loads().get("pressure")
+    if pressures is not None:
+        require_in_law(pressure, pressures[pressures > 0])
 
 
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
@@ -301,8 +310,6 @@ def law(
     bodies = Bodies.of(*material)
     # Poisson's ratio alone states a material too, with a modulus of 1 MPa.
     states_modulus = bodies.has_modulus or material.poisson
-    friction = shear.friction_of(material)
-    _refuse_needless_pressure(at_pressure, friction)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
@@ -314,7 +321,7 @@ def law(
         boundary=boundary,
         conductivities=_conductivities(conductivity),
         gas=_gas(gas_conductivity, jump_distance),
-        friction=friction,
+        friction=shear.friction_of(material),
         stick_pressure=at_pressure,
         stiffness=True,
         grid_error=accuracy.grid_error,
@@ -327,6 +334,7 @@ def law(
         straight=files.straight_lines,
         command=recorded_command_line(context, "gen"),
     )
+    _refuse_stick_pressure(order)
     contact_law = by_solver(order)
     show(contact_law)
     for path in write_files(contact_law, files, figure):

@@ -441,14 +441,32 @@ def stick_slope(law: Law, pressure: float) -> float:
     table = law.over_pressure
     loaded = table.at > 0
     pressures = table.at[loaded]
+    require_in_law(pressure, pressures)
+    stiffnesses = [table.curves[name].value[loaded] for name in SHEAR_STIFFNESSES]
+    mean = np.mean(stiffnesses, axis=0)
+    return float(np.exp(np.interp(np.log(pressure), np.log(pressures), np.log(mean))))
+
+
+def require_in_law(pressure: float, pressures: Values) -> None:
+    """Refuse a pressure of a stick slope that is outside the pressures of a law.
+
+    Parameters
+    ----------
+    pressure : float
+        Value of the option --at-pressure [MPa].
+    pressures : ndarray, shape (k,)
+        Ascending pressures of the law, at least one [MPa].
+
+    Raises
+    ------
+    InputError
+        If the pressure is below the first or above the last of them.
+    """
     if not pressures[0] <= pressure <= pressures[-1]:
         raise InputError(
             f"--at-pressure {pressure:g}: the law is from {pressures[0]:g} to"
             f" {pressures[-1]:g} MPa"
         )
-    stiffnesses = [table.curves[name].value[loaded] for name in SHEAR_STIFFNESSES]
-    mean = np.mean(stiffnesses, axis=0)
-    return float(np.exp(np.interp(np.log(pressure), np.log(pressures), np.log(mean))))
 
 
 def _conductance_lines(
