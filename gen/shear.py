@@ -60,9 +60,17 @@ class Sheared:
         return self._sliding / stiffness
 
     def shift(self, share: float) -> float:
-        """Return the shift of the interface at one of `SHARES` [um].
+        """Return the shift of the interface at one of `SHARES`.
 
-        It is 0 for bodies apart and at full contact, in which there is no interface.
+        Parameters
+        ----------
+        share : float
+            Shear force over the force at which the bodies slide, one of `SHARES`.
+
+        Returns
+        -------
+        float
+            Shift [um]. It is 0 for bodies apart and at full contact, in which there is no interface.
         """
         if self._is_without_interface:
             return 0.0
@@ -70,9 +78,17 @@ class Sheared:
         return self._shift_of_interface(slip, SHARES.index(share))
 
     def loss(self, share: float) -> float:
-        """Return the loss of a cycle up to one of `SHARES` [pJ].
+        """Return the loss of a cycle up to one of `SHARES`.
 
-        It is 0 for bodies apart and at full contact, in which there is no interface.
+        Parameters
+        ----------
+        share : float
+            Largest shear force over the force at which the bodies slide, one of `SHARES`.
+
+        Returns
+        -------
+        float
+            Loss [pJ]. It is 0 for bodies apart and at full contact, in which there is no interface.
         """
         if self._is_without_interface:
             return 0.0
