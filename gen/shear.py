@@ -70,7 +70,7 @@ class Sheared:
         Returns
         -------
         float
-            Shift [um]. It is 0 for bodies apart and at full contact, in which there is no interface.
+            Shift [um]: 0 for bodies apart and at full contact, in which there is no interface.
         """
         if self._is_without_interface:
             return 0.0
@@ -88,7 +88,7 @@ class Sheared:
         Returns
         -------
         float
-            Loss [pJ]. It is 0 for bodies apart and at full contact, in which there is no interface.
+            Loss [pJ]: 0 for bodies apart and at full contact, in which there is no interface.
         """
         if self._is_without_interface:
             return 0.0
