@@ -5,15 +5,11 @@ rarely needs all nodes of a map. `solve_within` therefore solves the same surfac
 beginning with the fewest that keep its waves, and refines until the bars of `Contact.grid_error`
 are as short as asked.
 
-Four things make a contact on fewer nodes that of the given map:
+Three things make a contact on fewer nodes that of the given map:
 
-- Its cells cover the same patch. The nodes are the centres of the larger cells, so that force, mean
-  pressure, area and mean gap need no conversion. Also the border of a free patch stays half a
-  spacing of the given map beyond its outer nodes.
-- The surface is read there by its own waves: by Fourier's on a periodic patch, by cosines on a
-  mirrored one. On a free patch it is read by polynomials of the fifth degree between the nodes;
-  where each larger cell has an odd number of cells along both axes these are every third or every
-  fifth node of the map.
+- Its cells cover the same patch (`bem.coarsening`), so that force, mean pressure, area and mean gap
+  need no conversion. Also the border of a free patch stays half a spacing of the given map beyond
+  its outer nodes.
 - Delta counts from the highest node of the given map, see `Problem.datum`.
 - A bar compares a grid with a coarser one, and cannot see the waves that both of them have not.
   Their part of the error follows from their share of the mean square slope. Under light loads the
@@ -28,17 +24,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from bem.arrays import Field, Nodes, Values
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
+from bem.coarsening import LINES, Coarsening, CoarserMap
 from bem.contact import Contact
 from bem.derived.grid_error import FEWEST, LEAST_ORDER, GridError, slope_order
-from bem.problem import Problem, checked, pose
+from bem.problem import Problem, checked, pose, under_load
 from bem.solving import solve_posed
-from bem.threads import computed_once, on_threads
+from bem.threads import on_threads
 
 # Factor from a bar of 90 % to one of 95 %, as for normal errors [1].
 TO_95_PERCENT = 1.2
@@ -61,17 +56,20 @@ FEWEST_TRIED = 4 * FEWEST
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)
 
-# Largest order by which an error may fall with the spacing [1]. Grids on which it would still be
-# too large at this order are skipped, but none with more than `FURTHEST` times the nodes a side of
-# the last trial [1]: where few nodes are in a wave, an error can fall faster.
-BEST_ORDER = 2.0
+# Bar at 95 % that is expected of the area on a grid, over the area: a factor times a power of the
+# share of the mean square slope that twice the spacing loses (`Coarsening.lost_slope`) [1]. It only
+# says which grids are tried. The numbers are those with which searches on 48 spectral surfaces of
+# 512 and 1,024 nodes cost least.
+EXPECTED_BAR = 1.2
+BY_LOST_SLOPE = 1.6
+ON_FREE_PATCH = 2.0
+
+# Ratio of the nodes a side to those of the last trial from which a grid is always tried [1].
 FURTHEST = 2.0
 
-# Number of nodes along an axis from whose heights one between them is interpolated, on free maps.
-NODES_BESIDE = 6
-
-# Most lines of a map, about, on which slopes are measured along each axis.
-LINES = 64
+# Error that is expected on the given map, over the one asked for, above which the map is not tried
+# after a coarser grid [1].
+HOPELESS = 2.0
 
 # Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
 ERRORS = Range(1e-14, 1, "above 1e-14 and below 1: 0.01 is one per cent")
@@ -142,7 +140,8 @@ def solve_within(
     """Solve a contact on the coarsest grid of a surface that gives the answers within an error.
 
     No grid is finer than the given map. The same call takes the same grid on every machine, because
-    grids are chosen by their bars alone and never by times.
+    grids are chosen by their bars alone and never by times. Several loads on one surface take less
+    time by `Surface`.
 
     Parameters
     ----------
@@ -180,20 +179,76 @@ def solve_within(
         If no grid up to the given map has bars as short as asked. It says what the best bar is, and
         why there is no better one.
     """
-    asked = checked_errors(error)
-    _refuse_settings(settings)
-    tolerance = min(OF_TOLERANCE * min(asked.values()), LOOSEST)
-    problem = pose(
-        heights,
-        side,
-        delta,
-        force=force,
-        pressure=pressure,
-        rtol=tolerance,
-        **settings,
+    errors = checked_errors(error)
+    surface = Surface(heights, side, **settings)
+    return surface.solve_within(
+        errors, delta=delta, force=force, pressure=pressure, threads=threads
     )
-    with on_threads(None if threads is None else checked("threads", threads)):
-        return _Search(problem, asked).solve()
+
+
+class Surface:
+    """A surface and its bodies, prepared once for contacts within errors under several loads.
+
+    The loads share what does not depend on them: checks of the map, its waves, and the surface on
+    fewer nodes. A contact is the same as that of the function `solve_within`, whatever loads were
+    solved before.
+
+    Parameters
+    ----------
+    heights : array_like, shape (nx, ny)
+        Heights z of the surface; Delta counts from the highest of them [um].
+    side : float or tuple of float
+        Scan length L, one for a square grid or one for each axis [um].
+    **settings
+        Further arguments of the function `solve_within`, except error, load and `threads`.
+
+    Raises
+    ------
+    ValueError
+        For input that no contact problem can have, as `solve_within` raises it.
+    """
+
+    def __init__(
+        self, heights: ArrayLike, side: float | tuple[float, float], **settings: Any
+    ) -> None:
+        _refuse_settings(settings)
+        # A datum, though 0, makes the cells of all grids cover the same patch (`coarser`).
+        self._unloaded = replace(pose(heights, side, 0.0, **settings), datum=0.0)
+        self._coarsening = Coarsening(
+            self._unloaded.heights, self._unloaded.boundary, self._unloaded.aspect
+        )
+
+    def solve_within(
+        self,
+        error: float | Mapping[str, float],
+        *,
+        delta: float | None = None,
+        force: float | None = None,
+        pressure: float | None = None,
+        threads: int | None = None,
+    ) -> Contact:
+        """Solve a contact on the coarsest grid that gives the answers within an error.
+
+        Parameters
+        ----------
+        error, delta, force, pressure, threads
+            See the function `solve_within`.
+
+        Returns
+        -------
+        Contact
+            The contact on the chosen grid, with its `budget`.
+
+        Raises
+        ------
+        ValueError, NoSolution, NotReachable
+            As the function `solve_within` raises them.
+        """
+        errors = checked_errors(error)
+        problem = under_load(self._unloaded, delta, force=force, pressure=pressure)
+        problem = replace(problem, rtol=checked("rtol", tolerance_for(errors)))
+        with on_threads(None if threads is None else checked("threads", threads)):
+            return _Search(problem, self._coarsening, errors).solve()
 
 
 def checked_errors(error: float | Mapping[str, float]) -> dict[str, float]:
@@ -240,6 +295,10 @@ def _refuse_settings(settings: Mapping[str, Any]) -> None:
             f"kernel = {shown(settings['kernel'])}: with an error use 'uniform-pressure', because"
             " the other one belongs to its grid"
         )
+    if settings.get("body") is not None:
+        raise ValueError(
+            "body is given: with an error the body is a half-space, by modulus and poisson"
+        )
     if settings.get("far_field", "rigid") != "rigid":
         raise ValueError(
             f"far_field = {shown(settings['far_field'])}: with an error use 'rigid', because the"
@@ -253,14 +312,18 @@ class _Search:
     Parameters
     ----------
     problem : Problem
-        The problem on the given map.
+        The problem on the given map, with a datum.
+    coarsening : Coarsening
+        The map on fewer nodes.
     asked : dict of str to float
         Largest relative errors, by the names of the answers [1].
     """
 
-    def __init__(self, problem: Problem, asked: dict[str, float]) -> None:
-        # A datum, though 0, makes the cells of all grids cover the same patch (`coarser`).
-        self.map_problem = replace(problem, datum=0.0)
+    def __init__(
+        self, problem: Problem, coarsening: Coarsening, asked: dict[str, float]
+    ) -> None:
+        self.map_problem = problem
+        self.coarsening = coarsening
         self.asked_errors = asked
         self.trials: list[Trial] = []
         self.best_contact: Contact | None = (
@@ -290,14 +353,15 @@ class _Search:
         if load is None or load <= 0:  # nothing touches, which is exact on any grid
             return solve_posed(self.map_problem).with_budget(self.budget)
         self._refuse_endless_waves()
-        surface = Surface(self.map_problem)
-        for nodes in grids(self.map_problem):
-            if not self._may_suffice(nodes):
+        for nodes in grids(self.map_problem.heights.shape):
+            if not self._is_worth_trying(nodes):
                 continue
-            problem, dropped = surface.on(nodes)
+            coarser_map = self.coarsening.on(nodes)
+            dropped = coarser_map.dropped
             # The waves that this grid drops would alone use up too much of the error.
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked_errors.values()):
                 continue
+            problem = on_coarser_map(self.map_problem, coarser_map)
             # No bar could hold. The given map has passed this test above.
             if nodes != self.map_problem.heights.shape and self._has_endless_waves(
                 problem
@@ -308,19 +372,27 @@ class _Search:
                 return contact.with_budget(self.budget)
         raise NotReachable(self._message(), self.budget, self.best_contact)
 
-    def _may_suffice(self, nodes: tuple[int, int]) -> bool:
-        """Return whether a grid may meet the errors, judging by the last trial.
-
-        An error falls at most with the power `BEST_ORDER` of the spacing.
-        """
-        if not self.trials or nodes == self.map_problem.heights.shape:
-            return True
+    def _is_worth_trying(self, nodes: tuple[int, int]) -> bool:
+        """Return whether a grid may meet the errors, judging by the last trial or the map alone."""
+        is_map = nodes == self.map_problem.heights.shape
+        if not self.trials:
+            return is_map or self._expected_bar(nodes) <= min(self.asked_errors.values())
         last = self.trials[-1]
         if last.error_ratio == math.inf:
-            return True
-        # ratio of the nodes a side to those of the last trial
-        ratio = min(math.pow(last.error_ratio, 1 / BEST_ORDER), FURTHEST)
-        return max(nodes) >= ratio * max(last.nodes)
+            return is_map or max(nodes) >= FURTHEST * max(last.nodes)
+        expected_ratio = (
+            last.error_ratio * self._expected_bar(nodes) / self._expected_bar(last.nodes)
+        )
+        if is_map:
+            return expected_ratio <= HOPELESS
+        return expected_ratio <= 1 or max(nodes) >= FURTHEST * max(last.nodes)
+
+    def _expected_bar(self, nodes: tuple[int, int]) -> float:
+        """Return the bar of the area that is expected of a grid, over the area [1]."""
+        bar = EXPECTED_BAR * math.pow(self.coarsening.lost_slope(nodes), BY_LOST_SLOPE)
+        if self.map_problem.boundary == "free":
+            return ON_FREE_PATCH * bar
+        return bar
 
     def _refuse_endless_waves(self) -> None:
         """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
@@ -380,15 +452,14 @@ class _Search:
         bars = contact.grid_error(coarse)
         self.contact_by_nodes[rows, columns] = contact
         errors = {
-            name: self._parts(contact, bars, name, dropped=dropped)
-            for name in self.asked_errors
+            name: error_parts(contact, bars, name, asked_error=asked, dropped=dropped)
+            for name, asked in self.asked_errors.items()
         }
         convolutions = float(contact.convolutions)
-        if coarse is None:  # otherwise the coarser ones are counted in the earlier trial
-            for coarser in (bars.coarse, bars.coarsest):
-                if coarser is not None:
-                    share = work(coarser.pressure.shape) / work((rows, columns))
-                    convolutions += coarser.convolutions * share
+        # A coarser contact that was known is counted in the earlier trial.
+        if coarse is None and bars.coarse is not None:
+            share = work(bars.coarse.pressure.shape) / work((rows, columns))
+            convolutions += bars.coarse.convolutions * share
         trial = Trial(
             nodes=(rows, columns),
             waves_dropped=dropped,
@@ -404,21 +475,6 @@ class _Search:
             self.best_contact = contact
         self.trials.append(trial)
         return contact
-
-    def _parts(
-        self, contact: Contact, bars: GridError, name: str, *, dropped: float
-    ) -> ErrorParts:
-        """Return the relative error of an answer by its causes.
-
-        The area's error for dropped waves serves for every answer, and so does the tolerance, which
-        is relative to Delta.
-        """
-        return ErrorParts(
-            asked_error=self.asked_errors[name],
-            grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
-            waves=OF_DROPPED * dropped,
-            solver=contact.problem.rtol,
-        )
 
     def _message(self) -> str:
         """Say that the errors are not reachable, what the best bars are, and why."""
@@ -443,6 +499,61 @@ class _Search:
         return ", ".join(
             f"{name} to {100 * value:.2g} %" for name, value in errors.items()
         )
+
+
+def error_parts(
+    contact: Contact, bars: GridError, name: str, *, asked_error: float, dropped: float
+) -> ErrorParts:
+    """Return the relative error of an answer at 95 %, by its causes.
+
+    The area's error for dropped waves serves for every answer, and so does the tolerance, which is
+    relative to Delta.
+
+    Parameters
+    ----------
+    contact : Contact
+        A solved contact.
+    bars : GridError
+        Its `Contact.grid_error`.
+    name : str
+        Name of the answer in `ANSWERS`.
+    asked_error : float
+        Largest relative error that is asked for [1].
+    dropped : float
+        Share of the surface's mean square slope that the contact's grid lacks [1].
+
+    Returns
+    -------
+    ErrorParts
+        The parts; that of the grid is infinite where no bar holds.
+
+    Raises
+    ------
+    ArithmeticError
+        If a linear solve for the stiffness does not converge.
+    """
+    return ErrorParts(
+        asked_error=asked_error,
+        grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
+        waves=OF_DROPPED * dropped,
+        solver=contact.problem.rtol,
+    )
+
+
+def tolerance_for(asked: Mapping[str, float]) -> float:
+    """Return the tolerance of the solver for errors that are asked for.
+
+    Parameters
+    ----------
+    asked : mapping of str to float
+        Largest relative errors by the names of the answers [1].
+
+    Returns
+    -------
+    float
+        A tenth of the least error, at most `LOOSEST` [Delta].
+    """
+    return min(OF_TOLERANCE * min(asked.values()), LOOSEST)
 
 
 def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
@@ -476,7 +587,7 @@ def work(nodes: tuple[int, ...]) -> float:
 # Grids of the same surface
 
 
-def grids(problem: Problem) -> Iterator[tuple[int, int]]:
+def grids(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     """Yield the nodes of the grids of a map, from the coarsest one to the map itself.
 
     Each has about 1.4 times as many nodes a side as the one before. Their numbers suit fast
@@ -484,15 +595,15 @@ def grids(problem: Problem) -> Iterator[tuple[int, int]]:
 
     Parameters
     ----------
-    problem : Problem
-        The problem on the given map.
+    shape : tuple of int
+        Nodes (nx, ny) of the map.
 
     Yields
     ------
     tuple of int
         Nodes (mx, my).
     """
-    rows, columns = problem.heights.shape
+    rows, columns = shape
     steps = math.floor(math.log(max(min(rows, columns) / FEWEST_TRIED, 1), STEP))
     for step in range(steps, 0, -1):
         coarse = _fast_nodes(rows / STEP**step), _fast_nodes(columns / STEP**step)
@@ -508,299 +619,27 @@ def _fast_nodes(nodes: float) -> int:
     return 4 * int(next_fast_len(math.ceil(nodes / 4), real=True))
 
 
-class Surface:
-    """The surface of a map, which is read on fewer nodes whose cells cover the same patch.
+def on_coarser_map(problem: Problem, coarser_map: CoarserMap) -> Problem:
+    """Return a problem on fewer nodes of its map, with the same datum and load.
 
     Parameters
     ----------
     problem : Problem
         The problem on the given map, with a datum.
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-
-    def on(self, nodes: tuple[int, int]) -> tuple[Problem, float]:
-        """Return the problem on fewer nodes.
-
-        Parameters
-        ----------
-        nodes : tuple of int
-            Nodes (mx, my), at most those of the map.
-
-        Returns
-        -------
-        problem : Problem
-            The problem with the same datum and load.
-        dropped : float
-            Share of the map's mean square slope that is not on the coarser grid [1].
-        """
-        problem = self.problem
-        shape = problem.heights.shape
-        if nodes == shape:
-            return problem, 0.0
-        if problem.boundary == "free":
-            fewer, dropped = _read_free(problem.heights, nodes, problem.aspect)
-        else:
-            fewer, dropped = self._waves.cut(nodes)
-            fewer += float(problem.heights.mean())
-        fewer.setflags(write=False)
-        spacing = (
-            problem.spacing[0] * shape[0] / nodes[0],
-            problem.spacing[1] * shape[1] / nodes[1],
-        )
-        datum = problem.datum_height - float(fewer.max())
-        return replace(problem, heights=fewer, spacing=spacing, datum=datum), dropped
-
-    @computed_once
-    def _waves(self) -> _Waves:
-        """The waves of a patch without edges, by one transform."""
-        heights = self.problem.heights - self.problem.heights.mean()
-        if self.problem.boundary == "periodic":
-            return _Waves.periodic(heights, self.problem.aspect)
-        return _Waves.mirrored(heights, self.problem.aspect)
-
-
-@dataclass(frozen=True, eq=False)
-class _Waves:
-    """The waves of a patch without edges.
-
-    The mean square slope of a wave is the square of its amplitude times the sum of a function of
-    its first number and one of its second number, so that sums over many waves are products of
-    matrices.
-
-    Attributes
-    ----------
-    amplitudes : ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
-        Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one [um].
-    along, across : ndarray of int, shape (nx,) and (ny // 2 + 1,) or (ny,)
-        Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
-        periodic patch run the other way.
-    times_along, times_across : ndarray, shapes of along and across
-        Number of waves for which an amplitude stands, by axis: 2 if it stands also for the wave the
-        other way [1].
-    aspect : float
-        Second side of a cell over its first [1].
-    is_periodic : bool
-        Whether the patch is periodic.
-    """
-
-    amplitudes: NDArray[Any]  # complex or real
-    along: Nodes
-    across: Nodes
-    times_along: Values
-    times_across: Values
-    aspect: float
-    is_periodic: bool
-
-    @classmethod
-    def periodic(cls, heights: Field, aspect: float) -> _Waves:
-        """Return the waves of a periodic patch of cells with an aspect, second side over first."""
-        from scipy import fft  # here, because few contacts need it
-
-        rows, columns = heights.shape
-        across = np.arange(columns // 2 + 1)
-        stand_for_one = (across == 0) | (2 * across == columns)
-        return cls(
-            amplitudes=fft.rfft2(heights, norm="forward"),
-            along=np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp),
-            across=across,
-            times_along=np.ones(rows),
-            times_across=np.where(stand_for_one, 1.0, 2.0),
-            aspect=aspect,
-            is_periodic=True,
-        )
-
-    @classmethod
-    def mirrored(cls, heights: Field, aspect: float) -> _Waves:
-        """Return the cosines of a mirrored patch; its nodes are the centres of cells."""
-        from scipy import fft  # here, because few contacts need it
-
-        rows, columns = heights.shape
-        along = np.arange(rows)
-        across = np.arange(columns)
-        return cls(
-            amplitudes=fft.dctn(heights, norm="forward"),
-            along=along,
-            across=across,
-            times_along=np.where(along == 0, 1.0, 2.0),
-            times_across=np.where(across == 0, 1.0, 2.0),
-            aspect=aspect,
-            is_periodic=False,
-        )
-
-    def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
-        """Return the heights of those waves that fewer nodes have, and the share of the others.
-
-        Parameters
-        ----------
-        nodes : tuple of int
-            Nodes (mx, my) of the coarser grid.
-
-        Returns
-        -------
-        heights : ndarray, shape (mx, my)
-            Heights on the coarser grid, of zero mean [um].
-        dropped : float
-            Share of the mean square slope of the waves that are cut [1].
-        """
-        from scipy import fft  # here, because few contacts need it
-
-        half_waves = 2 if self.is_periodic else 1
-        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
-        columns = np.flatnonzero(half_waves * self.across < nodes[1])
-        kept = self.amplitudes[np.ix_(rows, columns)]
-        share = 1.0
-        if self._mean_square_slope > 0:
-            share = self._slope_of(kept, rows, columns) / self._mean_square_slope
-        spectrum = (nodes[0], nodes[1] // 2 + 1) if self.is_periodic else nodes
-        amplitudes = np.zeros(spectrum, dtype=self.amplitudes.dtype)
-        amplitudes[np.ix_(self.along[rows], self.across[columns])] = kept
-        heights: Field
-        if self.is_periodic:
-            heights = fft.irfft2(amplitudes, s=nodes, norm="forward")
-        else:
-            heights = fft.idctn(amplitudes, norm="forward")
-        return np.ascontiguousarray(heights), max(1.0 - share, 0.0)
-
-    @computed_once
-    def _mean_square_slope(self) -> float:
-        """Mean square slope of all waves, in an arbitrary unit."""
-        rows, columns = self.amplitudes.shape
-        return self._slope_of(self.amplitudes, np.arange(rows), np.arange(columns))
-
-    def _slope_of(self, amplitudes: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
-        """Return the mean square slope of waves in the unit of `_mean_square_slope`.
-
-        `amplitudes` are those of the given rows and columns of all amplitudes [um].
-        """
-        squares = amplitudes.real**2
-        if self.is_periodic:  # amplitudes are complex
-            squares += amplitudes.imag**2
-        nodes_across = self.times_across.size
-        if self.is_periodic:
-            nodes_across = 2 * (nodes_across - 1)
-        slope_along = (self.along[rows] / self.along.size) ** 2
-        slope_across = (self.across[columns] / nodes_across / self.aspect) ** 2
-        times_along = self.times_along[rows]
-        times_across = self.times_across[columns]
-        weights = np.stack([times_across, times_across * slope_across], axis=1)
-        sums = squares @ weights
-        part_along = (times_along * slope_along) @ sums[:, 0]
-        part_across = times_along @ sums[:, 1]
-        return float(part_along + part_across)
-
-
-def _read_free(
-    heights: Field, nodes: tuple[int, int], aspect: float
-) -> tuple[Field, float]:
-    """Return a free surface at the centres of larger cells.
-
-    What the coarser grid has not is the difference to the surface that is read back from it by
-    cubic splines. It is measured on some lines of the map.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    nodes : tuple of int
-        Nodes (mx, my) of the coarser grid.
-    aspect : float
-        Second side of a cell over its first [1].
+    coarser_map : CoarserMap
+        The map on fewer nodes.
 
     Returns
     -------
-    heights : ndarray, shape (mx, my)
-        Heights on the coarser grid [um].
-    dropped : float
-        Share of the mean square slope of this difference, at least that of the waves that are lost
-        [1].
+    Problem
+        The problem there; the given one on the given map itself.
     """
-    places: list[Values] = []
-    fewer = heights
-    for axis in (0, 1):
-        step = heights.shape[axis] / nodes[axis]
-        places.append((np.arange(nodes[axis]) + 0.5) * step - 0.5)
-        fewer = _interpolated(fewer, axis, places[axis])
-    along = _squared_slopes_of_lines(heights, fewer, places)
-    across = _squared_slopes_of_lines(heights.T, fewer.T, places[::-1])
-    total = along.of_map + across.of_map / aspect**2
-    lost = along.of_difference + across.of_difference / aspect**2
-    return np.ascontiguousarray(fewer), lost / total if total > 0 else 0.0
-
-
-def _interpolated(heights: Field, axis: int, places: Values) -> Field:
-    """Return heights at places [spacing] along an axis, interpolated from the nodes around.
-
-    Each is by Lagrange's polynomial through the `NODES_BESIDE` nodes around its place.
-
-    Places at nodes give the heights of these nodes.
-    """
-    nodes = heights.shape[axis]
-    beside = min(NODES_BESIDE, nodes)
-    first = np.floor(places).astype(np.intp) - (beside // 2 - 1)
-    first = np.clip(first, 0, nodes - beside)
-    read_shape = list(heights.shape)
-    read_shape[axis] = places.size
-    read: Field = np.zeros(read_shape)
-    from_first = places - first
-    for number in range(beside):
-        weight = np.ones_like(places)
-        for other in range(beside):
-            if other != number:
-                weight *= (from_first - other) / (number - other)
-        neighbours = heights.take(first + number, axis)
-        read += neighbours * np.expand_dims(weight, 1 - axis)
-    return read
-
-
-@dataclass(frozen=True)
-class _SquaredSlopes:
-    """Mean squares of the slopes of lines along an axis [um2 / spacing2].
-
-    Attributes
-    ----------
-    of_map : float
-        Mean square slope of the map.
-    of_difference : float
-        Mean square slope of the map less the surface that is read back from fewer nodes.
-    """
-
-    of_map: float
-    of_difference: float
-
-
-def _squared_slopes_of_lines(
-    heights: Field, fewer: Field, places: list[Values]
-) -> _SquaredSlopes:
-    """Return mean square slopes along the first axis, on some lines of a map.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights of the map [um].
-    fewer : ndarray, shape (mx, my)
-        Heights at the places [um].
-    places : list of ndarray, shapes (mx,) and (my,)
-        Places of the fewer nodes along both axes [spacing].
-    """
-    first, last = places[1][[0, -1]]
-    within = np.arange(math.ceil(first), math.floor(last) + 1)
-    lines = within[:: max(1, within.size // LINES)]
-    first, last = places[0][[0, -1]]
-    window = slice(math.ceil(first), math.floor(last) + 1)
-    inner_nodes = np.arange(window.start, window.stop, dtype=np.float64)
-    map_lines = heights[window, lines]
-    read_back = _splined(fewer, 1, places[1], lines.astype(np.float64))
-    read_back = _splined(read_back, 0, places[0], inner_nodes)
-    slopes = np.diff(map_lines, axis=0)
-    differences = np.diff(map_lines - read_back, axis=0)
-    return _SquaredSlopes(float(np.mean(slopes**2)), float(np.mean(differences**2)))
-
-
-def _splined(heights: Field, axis: int, nodes: Values, places: Values) -> Field:
-    """Return heights at some places along an axis, by the cubic spline through those at nodes."""
-    from scipy.interpolate import make_interp_spline  # here, because few contacts need it
-
-    read: Field = make_interp_spline(nodes, heights, 3, axis=axis)(places)
-    return read
+    heights = coarser_map.heights
+    if heights.shape == problem.heights.shape:
+        return problem
+    spacing = (
+        problem.spacing[0] * problem.heights.shape[0] / heights.shape[0],
+        problem.spacing[1] * problem.heights.shape[1] / heights.shape[1],
+    )
+    datum = problem.datum_height - float(heights.max())
+    return replace(problem, heights=heights, spacing=spacing, datum=datum)

@@ -12,8 +12,8 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
+from bem.bodies import Body
 from bem.far_field import flat_punch
-from bem.influence import Kernel
 from bem.iterate import Effort, Iterate
 from bem.operators.patch import Patch
 from bem.problem import Problem, boxed
@@ -34,7 +34,7 @@ class Punch:
     Attributes
     ----------
     stiffness : float
-        Force per displacement of the punch. It is infinite for all nodes of a patch without edges,
+        Force per displacement of the punch. It is infinite for all nodes of a patch without edges
         where a uniform pressure displaces nothing [MPa um].
     pressure : ndarray, shape (a,)
         Pressure per displacement at the a nodes of the punch [MPa / um].
@@ -56,15 +56,15 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     Parameters
     ----------
     problem : Problem
-        Grid, boundary, kernel and modulus. Its far field is taken as rigid.
+        Grid, boundary and body. Its far field is taken as rigid.
     nodes : ndarray, shape (a,)
         Flat indices of the nodes, rising.
 
     Returns
     -------
     Punch
-        The punch. Its stiffness is 0 for no nodes, and stiffness and pressure are infinite for all
-        nodes of a patch without edges.
+        The punch. Its stiffness is 0 for no nodes. Stiffness and pressure are infinite for all
+        nodes of a patch without edges, unless the body has a mean compliance.
 
     Raises
     ------
@@ -74,59 +74,121 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     is_edgeless = problem.boundary != "free"
     if not nodes.size:
         return Punch(stiffness=0.0, pressure=np.zeros(0), residual=0.0, effort=Effort())
-    if is_edgeless and nodes.size == problem.heights.size:  # full contact
+    is_full = is_edgeless and nodes.size == problem.heights.size
+    if is_full and not problem.body.mean_compliance > 0:
         pressure = np.full(nodes.size, np.inf)
         return Punch(stiffness=np.inf, pressure=pressure, residual=0.0, effort=Effort())
-    marked = np.zeros(problem.heights.shape, dtype=bool)
-    marked.reshape(-1)[nodes] = True
-    if not is_edgeless:  # the rest of a free patch carries nothing
-        marked = marked[boxed(marked)]
-    shape = len(marked), len(marked[0])
-    patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
-    iterate = Iterate(
-        patch,
-        np.zeros(marked.shape),
-        shift=1.0,
-        rtol=PUNCH_RTOL,
-        max_iterations=MAX_ITERATIONS,
-    )
-    residual = ActiveSet(iterate).solve_on(marked, atol=PUNCH_RTOL)
-    if not residual <= PUNCH_RTOL:
-        raise ArithmeticError(
-            f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
-            f" {iterate.iterations} iterations, asked for {PUNCH_RTOL:g}"
-        )
+    pressed = pressed_on(problem, nodes, np.ones(nodes.size), PUNCH_RTOL)
     # The error of the sum of p is proportional to the residual r, and that of the sum of p (1 + r)
     # to r^2.
-    pressure = iterate.pressure[marked]
-    force = float((pressure * (1 + iterate.residual[marked].astype(np.float64))).sum())
+    force = float((pressed.pressure * (1 + pressed.residuals)).sum())
     return Punch(
         stiffness=force * problem.modulus * problem.spacing[1],
-        pressure=pressure * (problem.modulus / problem.spacing[0]),
-        residual=residual,
+        pressure=pressed.pressure * (problem.modulus / problem.spacing[0]),
+        residual=pressed.largest_residual,
+        effort=pressed.effort,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """The pressure of some nodes that displaces them by given amounts.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (a,)
+        Pressure at the a nodes [unit of displacement times E* / first side of a cell].
+    residuals : ndarray, shape (a,)
+        Given displacements less those of the pressure [unit of displacement].
+    largest_residual : float
+        Largest absolute residual [unit of displacement].
+    effort : Effort
+        Iterations and applications of the influence matrix.
+    """
+
+    pressure: Values
+    residuals: Values
+    largest_residual: float
+    effort: Effort
+
+
+def pressed_on(
+    problem: Problem, nodes: Nodes, displacement: Values, atol: float
+) -> Pressed:
+    """Solve for the pressure on some nodes, of any sign, that displaces them by given amounts.
+
+    Parameters
+    ----------
+    problem : Problem
+        Grid, boundary and body. Its far field is taken as rigid.
+    nodes : ndarray, shape (a,)
+        Flat indices of at least one node, rising; not all nodes of a patch without edges.
+    displacement : ndarray, shape (a,)
+        Displacements of these nodes, the largest near one [any unit of length].
+    atol : float
+        Largest absolute residual that is accepted [unit of displacement].
+
+    Returns
+    -------
+    Pressed
+        The pressure of the nodes, and its residuals.
+
+    Raises
+    ------
+    ArithmeticError
+        If conjugate gradients do not reach this residual.
+    """
+    marked = np.zeros(problem.heights.shape, dtype=bool)
+    marked.reshape(-1)[nodes] = True
+    if problem.boundary == "free":  # the rest of a free patch carries nothing
+        marked = marked[boxed(marked)]
+    shape = len(marked), len(marked[0])
+    patch = Patch(shape, problem.boundary, problem.reduced_body, problem.aspect)
+    interference = np.zeros(shape)
+    interference[marked] = displacement
+    iterate = Iterate(
+        patch, interference, shift=0.0, rtol=atol, max_iterations=MAX_ITERATIONS
+    )
+    residual = ActiveSet(iterate).solve_on(marked, atol=atol)
+    if not residual <= atol:
+        raise ArithmeticError(
+            f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
+            f" {iterate.iterations} iterations, asked for {atol:g}"
+        )
+    return Pressed(
+        pressure=iterate.pressure[marked],
+        residuals=iterate.residual[marked].astype(np.float64),
+        largest_residual=residual,
         effort=Effort(iterate.iterations, patch.convolutions),
     )
 
 
 def patch_stiffness(problem: Problem) -> float:
-    """Compute the stiffness of the flat punch that fills a free patch.
+    """Compute the stiffness of the flat punch that fills a patch.
 
     Parameters
     ----------
     problem : Problem
-        A problem on a free patch.
+        The problem.
 
     Returns
     -------
     float
-        Stiffness [MPa um].
+        Stiffness; without edges it is infinite, unless the body has a mean compliance [MPa um].
 
     Raises
     ------
     ArithmeticError
         As `bem.far_field.flat_punch`.
     """
-    reduced = _flat_punch_force(problem.heights.shape, problem.kernel, problem.aspect)
+    if problem.boundary != "free":
+        if not problem.body.mean_compliance > 0:
+            return np.inf
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        return area / problem.body.mean_compliance
+    reduced = _flat_punch_force(
+        problem.heights.shape, problem.reduced_body, problem.aspect
+    )
     return reduced * problem.modulus * problem.spacing[1]
 
 
@@ -155,6 +217,6 @@ def without_patch(stiffness: float, patch: float) -> float:
 
 
 @lru_cache(maxsize=8)
-def _flat_punch_force(shape: tuple[int, int], kernel: Kernel, aspect: float) -> float:
+def _flat_punch_force(shape: tuple[int, int], body: Body, aspect: float) -> float:
     """Return the force that displaces every node of a free patch by one [E* x second side]."""
-    return float(flat_punch(shape, kernel, aspect).sum())
+    return float(flat_punch(shape, body, aspect).sum())

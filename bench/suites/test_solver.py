@@ -21,14 +21,15 @@ from scipy import optimize
 
 import bem
 from bem import influence
+from bem.bodies import HALF_SPACE, KERNELS, REDUCED, Kernel
 from bem.derived.flow import flows_through
 from bem.derived.stiffness import punch_of
-from bem.influence import KERNELS, Kernel
 from bem.operators import patch
 from bem.operators.filters import filtered
 from bem.operators.patch import Patch, displacement_filter
 from bem.problem import BOUNDARIES, RTOL, Boundary
 from bench.references import half_space as references
+from bench.resolution import random_waves
 from bench.work_precision import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
@@ -114,7 +115,9 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
     if benchmark.stats is not None:
         rows, columns = contacts[0].pressure.shape
         kernel = contacts[0].problem.kernel
-        operator = displacement_filter((rows, columns), "free", kernel, 1.0, "float64")
+        operator = displacement_filter(
+            (rows, columns), "free", REDUCED[kernel], 1.0, "float64"
+        )
         # The transform works in place. A field that is not 0 would grow from one call to the next.
         operator.field.fill(0)
         bare = min(seconds_of(operator.transform, 50))
@@ -134,7 +137,7 @@ def test_influence_coefficients(
     def tabulate() -> NDArray[np.float64]:
         """Compute the table anew."""
         influence._kept_table.cache_clear()
-        return influence.influence_coefficients((nodes, nodes), kernel)
+        return influence.influence_coefficients((nodes, nodes), REDUCED[kernel])
 
     table = benchmark(tabulate)
     self_displacement = {
@@ -152,7 +155,7 @@ def test_influence_coefficients(
 def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
     """Compute displacements from pressures, and compare them with direct sums."""
     pressure = random_field(nodes).astype(dtype)
-    operator = displacement_filter((nodes, nodes), "free", "uniform-pressure", 1.0, dtype)
+    operator = displacement_filter((nodes, nodes), "free", HALF_SPACE, 1.0, dtype)
     displacement = benchmark(filtered, operator, pressure)
     expected = references.displacement(pressure.astype(np.float64), "uniform-pressure")
     accepted = {"float64": 1e-12, "float32": 1e-5}[dtype] * np.abs(expected).max()
@@ -165,7 +168,7 @@ def test_approximate_inverse(
     benchmark: BenchmarkFixture, boundary: Boundary, nodes: int
 ) -> None:
     """Precondition half of the nodes; the operator is symmetric and positive definite."""
-    operator = Patch((nodes, nodes), boundary, "uniform-pressure", 1.0)
+    operator = Patch((nodes, nodes), boundary, HALF_SPACE, 1.0)
     operator.take_contact(random_field(nodes) > 0)
     residual, other = (random_field(nodes, seed) * operator.contact for seed in (1, 2))
 
@@ -323,6 +326,27 @@ def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -
     assert flow.aperture == contact.flow().aperture > 0
     benchmark.extra_info["area_percent"] = contact.area_percent
     record_time_over(benchmark, "time_over_the_contact", work, solve)
+
+
+@pytest.mark.parametrize("error", [0.03, 0.01])
+def test_solve_within(benchmark: BenchmarkFixture, error: float) -> None:
+    """Solve a smooth map within an error of the area; record its time over the full map's."""
+    surface = random_waves(1, 8, 0.8, np.random.default_rng(1))
+    heights = surface(np.arange(256) / 256)
+    load: dict[str, Any] = {"pressure": 0.005, "boundary": "periodic"}
+    solve = partial(bem.solve_within, heights, 1.0, error, **load)
+
+    def solve_full() -> bem.Contact:
+        """Solve the full map, with the bar of its grid."""
+        contact = bem.solve(heights, 1.0, **load)
+        contact.grid_error()
+        return contact
+
+    contact = benchmark(solve)
+    exact = solve_full().continuum_area_percent
+    assert contact.continuum_area_percent == pytest.approx(exact, rel=error)
+    benchmark.extra_info["nodes"] = len(contact.pressure)
+    record_time_over(benchmark, "time_over_the_full_map", solve, solve_full)
 
 
 @pytest.mark.parametrize("rungs", [9, 41, 161])
