@@ -295,7 +295,9 @@ INSTEAD = re.findall(r"^# (\[\w+\]\n(?:# \w.*\n|#  .*\n)+)", PAPER, flags=re.MUL
 """Tables that stand in comments of the paper's scene, in place of those that it has."""
 
 
-@pytest.mark.parametrize("block", INSTEAD, ids=["spectral", "scans", "like", "python", "load"])
+@pytest.mark.parametrize(
+    "block", INSTEAD, ids=["spectral", "scans", "like", "python", "load"]
+)
 def test_tables_in_comments_are_scenes(block):
     needed = INSTEAD[-1] if "scans" in block or "like" in block else ""
     text = re.sub(r"^# ?", "", block + needed, flags=re.MULTILINE)
