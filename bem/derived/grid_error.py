@@ -67,17 +67,17 @@ class Weights:
 WEIGHTS = {
     "edgeless": {
         "area": Weights(difference=0.7, border=0.0085, yielded=0.35, summit=1.5),
-        "delta": Weights(difference=0.45, border=0.0004, yielded=0.12, summit=1.6),
+        "delta": Weights(difference=0.5, border=0.0005, yielded=0.12, summit=1.6),
         "force": Weights(difference=0.5, border=0.0015, yielded=0.4, summit=2.2),
-        "mean_gap": Weights(difference=0.6, border=0.0006, yielded=0.2, summit=1.5),
+        "mean_gap": Weights(difference=0.68, border=0.0008, yielded=0.2, summit=1.5),
         "stiffness": Weights(difference=0.75, border=0.028, yielded=0.45, summit=1.9),
     },
     "free": {
-        "area": Weights(difference=1.2, border=0.0095, yielded=0.25, summit=1.5),
-        "delta": Weights(difference=1.15, border=0.0009, yielded=0.03, summit=1.6),
-        "force": Weights(difference=1.05, border=0.002, yielded=0.06, summit=2.2),
-        "mean_gap": Weights(difference=1.45, border=0.0015, yielded=0.05, summit=1.6),
-        "stiffness": Weights(difference=0.9, border=0.016, yielded=0.4, summit=1.9),
+        "area": Weights(difference=1.4, border=0.0105, yielded=0.25, summit=1.5),
+        "delta": Weights(difference=1.2, border=0.001, yielded=0.03, summit=1.6),
+        "force": Weights(difference=1.2, border=0.0025, yielded=0.06, summit=2.2),
+        "mean_gap": Weights(difference=1.5, border=0.0015, yielded=0.05, summit=1.6),
+        "stiffness": Weights(difference=1.0, border=0.016, yielded=0.4, summit=1.9),
     },
     "creased": {
         "area": Weights(difference=1.8, border=0.02, yielded=0.2, summit=1.0),
