@@ -104,7 +104,7 @@ WEIGHTS = {
         ),
     },
     "creased": {
-        "area": Weights(difference=1.8, border=0.02, yielded=0.2, node=0.5, summit=1.0),
+        "area": Weights(difference=1.8, border=0.03, yielded=0.2, node=0.5, summit=1.0),
         "delta": Weights(
             difference=1.7, border=0.0005, yielded=0.1, node=0.0, summit=0.8
         ),
