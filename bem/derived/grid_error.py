@@ -354,11 +354,14 @@ class GridError:
         if name in OF_OPEN_NODES:
             few_nodes = max(size - self.contact.contact_nodes, 1)
             by_border *= size / few_nodes
+        by_node = 0.0
+        if self.border > 0:  # full contact and no contact have none
+            by_node = weights.node * abs(value) / few_nodes
         return math.hypot(
             weights.difference * max(1.0, self.remaining) * difference,
             max(weights.border * self.border * by_border, at_least),
             weights.yielded * self.yielded_border * by_border,
-            weights.node * abs(value) / few_nodes,
+            by_node,
             weights.summit * by_summit,
         )
 
