@@ -229,7 +229,7 @@ class _Trial:
         assert scene.accuracy is not None  # the caller has checked it
         self.accuracy = scene.accuracy
         self.asked = scene.accuracy.asked
-        tolerance = tolerance_for(self.asked)
+        tolerance = _rounded(tolerance_for(self.asked))
         contact = scene.contact.model_copy(update={"rtol": tolerance})
         # The scene of the database, and that of the contacts of the trial.
         self.scene = scene.model_copy(update={"contact": contact})

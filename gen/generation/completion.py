@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import bem
 from gen.arrays import Heights
@@ -251,10 +252,12 @@ def _with_accuracy(scene: Scene, limit: float | None, *, watched: bool) -> Scene
     Maps are prepared in a temporary folder, because nothing is written into that of the database
     before there is such a grid. Raises the errors of `gen.generation.accuracy.with_accuracy`.
     """
-    resolved = scene.resolved()
-    if isinstance(resolved.surface, PythonSurface):
-        load_function(resolved.surface.function, resolved.surface.source)
-    return scene.with_accuracy_of(with_accuracy(resolved, limit, watched=watched))
+    with TemporaryDirectory() as folder:
+        resolved = scene.resolved(Path(folder))
+        if isinstance(resolved.surface, PythonSurface):
+            load_function(resolved.surface.function, resolved.surface.source)
+        with_grid = with_accuracy(resolved, limit, watched=watched)
+    return scene.with_accuracy_of(with_grid)
 
 
 def _with_outputs(scene: Scene, limit: float | None) -> Scene:
