@@ -23,7 +23,6 @@ import numpy as np
 
 import bem
 from bem.accuracy import (
-    BEST_ORDER,
     FURTHEST,
     MOST_FOR_WAVES,
     OF_DROPPED,
@@ -75,6 +74,10 @@ DRAWS = 16
 
 MOST_BEYOND = 0.05
 """Largest share of the contacts of a trial that may be beyond an error that is asked for."""
+
+BEST_ORDER = 3.0
+"""Largest order by which bars may fall with the spacing. Grids on which errors would still be too
+large at this order are skipped, but none with `FURTHEST` times the nodes a side of the last one."""
 
 ENDLESS = "waves go on down to this grid, so that no bar holds"
 """Reason why an elastic contact on a surface without a shortest wave has no error."""
@@ -270,7 +273,7 @@ class _Trial:
     def _may_hold(self, nodes: tuple[int, int]) -> bool:
         """Return whether a grid may hold, judging by the grid that was tried last.
 
-        An error falls at most with the power `BEST_ORDER` of the spacing.
+        A bar falls at most with the power `BEST_ORDER` of the spacing.
         """
         if not self.judged or nodes == self.scene.made_grid.shape:
             return True
