@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Mask, Values
+from bem.bodies import HALF_SPACE
 from bem.checks import LARGEST, Range, real_array, real_number, shown
 from bem.far_field import flat_punch
 from bem.operators.filters import filtered
@@ -147,6 +148,11 @@ def _check_contact(contact: "Contact") -> None:
         raise ValueError(
             f"kernel = {problem.kernel!r}, far_field = {problem.far_field!r}: partial slip needs"
             " kernel = 'uniform-pressure' and far_field = 'rigid'"
+        )
+    if not problem.body.is_homogeneous:
+        raise ValueError(
+            "partial slip follows from normal contacts on half-spaces only: a layered body has"
+            " another compliance in shear, which is not computed"
         )
     if contact.contact_nodes == contact.pressure.size and problem.boundary != "free":
         raise ValueError(
@@ -292,7 +298,7 @@ def _reduced_patch_stiffness(
 ) -> float:
     """Return the force that shifts all nodes of a free patch by one [E* x second side]."""
     everywhere = np.ones(shape, dtype=bool)
-    normal = flat_punch(shape, "uniform-pressure", aspect)
+    normal = flat_punch(shape, HALF_SPACE, aspect)
     sheared = Sheared(everywhere, "free", aspect, poisson, axis)
     return sheared.stiffness(normal.ravel() * isotropic_ratio(poisson))
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
+from bem.bodies import Body
 from bem.far_field import flat_punch
-from bem.influence import Kernel
 from bem.iterate import Effort, Iterate
 from bem.operators.patch import Patch
 from bem.problem import Problem, boxed
@@ -34,7 +34,7 @@ class Punch:
     Attributes
     ----------
     stiffness : float
-        Force per displacement of the punch. It is infinite for all nodes of a patch without edges,
+        Force per displacement of the punch. It is infinite for all nodes of a patch without edges
         where a uniform pressure displaces nothing [MPa um].
     pressure : ndarray, shape (a,)
         Pressure per displacement at the a nodes of the punch [MPa / um].
@@ -56,15 +56,15 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     Parameters
     ----------
     problem : Problem
-        Grid, boundary, kernel and modulus. Its far field is taken as rigid.
+        Grid, boundary and body. Its far field is taken as rigid.
     nodes : ndarray, shape (a,)
         Flat indices of the nodes, rising.
 
     Returns
     -------
     Punch
-        The punch. Its stiffness is 0 for no nodes, and stiffness and pressure are infinite for all
-        nodes of a patch without edges.
+        The punch. Its stiffness is 0 for no nodes. Stiffness and pressure are infinite for all
+        nodes of a patch without edges, unless the body has a mean compliance.
 
     Raises
     ------
@@ -74,7 +74,8 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     is_edgeless = problem.boundary != "free"
     if not nodes.size:
         return Punch(stiffness=0.0, pressure=np.zeros(0), residual=0.0, effort=Effort())
-    if is_edgeless and nodes.size == problem.heights.size:  # full contact
+    is_full = is_edgeless and nodes.size == problem.heights.size
+    if is_full and not problem.body.mean_compliance > 0:
         pressure = np.full(nodes.size, np.inf)
         return Punch(stiffness=np.inf, pressure=pressure, residual=0.0, effort=Effort())
     pressed = pressed_on(problem, nodes, np.ones(nodes.size), PUNCH_RTOL)
@@ -119,7 +120,7 @@ def pressed_on(
     Parameters
     ----------
     problem : Problem
-        Grid, boundary and kernel. Its far field is taken as rigid.
+        Grid, boundary and body. Its far field is taken as rigid.
     nodes : ndarray, shape (a,)
         Flat indices of at least one node, rising; not all nodes of a patch without edges.
     displacement : ndarray, shape (a,)
@@ -142,7 +143,7 @@ def pressed_on(
     if problem.boundary == "free":  # the rest of a free patch carries nothing
         marked = marked[boxed(marked)]
     shape = len(marked), len(marked[0])
-    patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
+    patch = Patch(shape, problem.boundary, problem.reduced_body, problem.aspect)
     interference = np.zeros(shape)
     interference[marked] = displacement
     iterate = Iterate(
@@ -163,24 +164,31 @@ def pressed_on(
 
 
 def patch_stiffness(problem: Problem) -> float:
-    """Compute the stiffness of the flat punch that fills a free patch.
+    """Compute the stiffness of the flat punch that fills a patch.
 
     Parameters
     ----------
     problem : Problem
-        A problem on a free patch.
+        The problem.
 
     Returns
     -------
     float
-        Stiffness [MPa um].
+        Stiffness; without edges it is infinite, unless the body has a mean compliance [MPa um].
 
     Raises
     ------
     ArithmeticError
         As `bem.far_field.flat_punch`.
     """
-    reduced = _flat_punch_force(problem.heights.shape, problem.kernel, problem.aspect)
+    if problem.boundary != "free":
+        if not problem.body.mean_compliance > 0:
+            return np.inf
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        return area / problem.body.mean_compliance
+    reduced = _flat_punch_force(
+        problem.heights.shape, problem.reduced_body, problem.aspect
+    )
     return reduced * problem.modulus * problem.spacing[1]
 
 
@@ -209,6 +217,6 @@ def without_patch(stiffness: float, patch: float) -> float:
 
 
 @lru_cache(maxsize=8)
-def _flat_punch_force(shape: tuple[int, int], kernel: Kernel, aspect: float) -> float:
+def _flat_punch_force(shape: tuple[int, int], body: Body, aspect: float) -> float:
     """Return the force that displaces every node of a free patch by one [E* x second side]."""
-    return float(flat_punch(shape, kernel, aspect).sum())
+    return float(flat_punch(shape, body, aspect).sum())

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bem.influence import KERNELS, Kernel
+from bem.bodies import KERNELS, REDUCED, Kernel
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
 from bem.problem import Boundary, node_spacing
@@ -65,6 +65,13 @@ class Case:
         """Spacing of the nodes [um]."""
         boundary: Boundary = "free" if self.load is None else "periodic"
         return node_spacing(self.nodes, self.side, boundary)
+
+    @property
+    def known_force(self) -> float | None:
+        """Force that follows from `load` [uN]; None for a free patch, whose force is an answer."""
+        if self.load is None:
+            return None
+        return self.load * self.spacing**2 * self.heights.size
 
     def mean_pressure(self, force: float) -> float:
         """Return the mean pressure over all cells under a force.
@@ -141,7 +148,9 @@ class Case:
         """
         if self.load is None:
             shape = (self.nodes, self.nodes)
-            operator = displacement_filter(shape, "free", self.kernel, 1.0, "float64")
+            operator = displacement_filter(
+                shape, "free", REDUCED[self.kernel], 1.0, "float64"
+            )
             return filtered(operator, pressure) * self.spacing
         along = np.fft.fftfreq(self.nodes, self.spacing)
         across = np.abs(along[: self.nodes // 2 + 1])
@@ -330,7 +339,7 @@ class Solver:
         on_its_grid = case.with_margin(self.grid(case.nodes))
         force = math.nan
         if self.control == "force":
-            force = find_exact(case).force
+            force = case.known_force or find_exact(case).force
         began = time.perf_counter()
         try:
             answer = press(on_its_grid, force, rtol)

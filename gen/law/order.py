@@ -1,6 +1,6 @@
 """The request for a contact law: its surfaces, its loads, and the quantities of its tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -61,6 +61,9 @@ class Order:
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
+    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # contacts are solved on the coarsest grid that gives them; None for the grid of the surface.
+    errors: Mapping[str, float] | None = None
     flow: bool = False  # True for the hydraulic apertures of the gap
     also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read
