@@ -46,7 +46,7 @@ from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
-from gen.scene.accuracy import ANSWERS, ErrorRecord, FoundGrid, TriedGrid
+from gen.scene.accuracy import ErrorRecord, FoundGrid, TriedGrid, answer_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,7 +123,6 @@ class _JudgedGrid:
 
     nodes: tuple[int, int]
     contacts: list[_JudgedContact]
-    most_beyond: int  # largest number of contacts that may be beyond an error
 
     @property
     def beyond(self) -> list[_JudgedContact]:
@@ -134,7 +133,8 @@ class _JudgedGrid:
     @property
     def holds(self) -> bool:
         """Whether few enough contacts are beyond an error, and there is at least one."""
-        return bool(self.contacts) and len(self.beyond) <= self.most_beyond
+        most_beyond = MOST_BEYOND * len(self.contacts)
+        return bool(self.contacts) and len(self.beyond) <= most_beyond
 
     @property
     def ratio(self) -> float:
@@ -290,8 +290,7 @@ class _Trial:
         """
         nodes = candidate.grid.shape
         rows = self._rows_by_ratio()
-        most_beyond = math.floor(MOST_BEYOND * len(rows))
-        grid = _JudgedGrid(nodes=nodes, contacts=[], most_beyond=most_beyond)
+        grid = _JudgedGrid(nodes=nodes, contacts=[])
         progress = RunProgress(
             len(rows), f"contacts of the trial on {nodes[0]} x {nodes[1]} nodes"
         )
@@ -301,7 +300,7 @@ class _Trial:
                 grid.contacts.append(contact)
             if self.watched:
                 progress.advance(1)
-            if len(grid.beyond) > most_beyond:
+            if len(grid.beyond) > MOST_BEYOND * len(rows):
                 break
         if self.watched:
             progress.say(f"  {grid.record.in_words}")
@@ -355,7 +354,7 @@ class _Trial:
             key: error_parts(
                 contact,
                 bars,
-                ANSWERS[key],
+                answer_of(key),
                 asked_error=asked,
                 dropped=surface.dropped,
             )

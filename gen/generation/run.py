@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,6 +25,7 @@ from gen.generation.trial import doubts_after, doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
+from gen.runtime.files import lock
 from gen.runtime.terminal import RunProgress, echo
 from gen.runtime.user_code import source_of
 from gen.scene import Scene, row_bytes
@@ -319,16 +320,19 @@ def _completed(name: str, request: _Request) -> Scene:
     is_new = not path.exists()
     if scene.store.function is not None:
         announcement.start()
+    # A trial for an accuracy may be long: nobody else makes the same file in the meantime.
+    has_trial = is_new and scene.needs_trial
     try:
-        # The functions are tried before a new file is made. For an old file this was done then.
-        return completed(
-            scene,
-            path.parent,
-            rehearsed=is_new,
-            limit=request.limit,
-            recorded=recorded_scene(path, scene),
-            watched=True,
-        )
+        with lock(path) if has_trial else nullcontext():
+            # Functions are tried before a new file is made. For an old file this was done then.
+            return completed(
+                scene,
+                path.parent,
+                rehearsed=is_new,
+                limit=request.limit,
+                recorded=recorded_scene(path, scene),
+                watched=True,
+            )
     finally:
         announcement.cancel()
 

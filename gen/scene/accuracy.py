@@ -4,29 +4,19 @@ A user asks for relative errors. A trial before the first row finds the nodes an
 the solver (`gen.generation.accuracy`); both then stand in the scene that the database records.
 """
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Self
 
 from pydantic import Field, Strict, model_validator
 
 from gen.distribution import Number, Table, conflict
 from gen.generators import TAGS
+from gen.quantities import CONTINUUM, stored_quantities
+from gen.surface import MOST_NODES
 
-ANSWERS = {
-    "continuum_area": "area",
-    "mean_gap": "mean_gap",
-    "stiffness": "stiffness",
-    "delta": "delta",
-    "force": "force",
-}
-"""Answers of `bem.accuracy` by the keys of `[accuracy]` that ask for their errors."""
-
-COLUMNS = {
-    "continuum_area": "continuum_area_percent",
-    "mean_gap": "mean_gap",
-    "stiffness": "stiffness",
-}
-"""Columns that a database has because a key of `[accuracy]` is given, by the key. Every database
-has the columns of the other keys."""
+AREA = "continuum_area"
+"""Key of `[accuracy]` for the area in the continuum, which `bem.accuracy` calls "area". All other
+keys have the names of answers there, and of columns."""
 
 FINEST_NODES = 2048
 """Nodes along the longer side of the finest grid that is tried, if the scene gives none."""
@@ -34,7 +24,8 @@ FINEST_NODES = 2048
 SHARE = "a share above 0 and below 1: 0.01 is one per cent"
 
 Share = Annotated[Number, Field(gt=1e-14, lt=1)]
-Pair = Annotated[tuple[int, int], Strict(False)]
+Count = Annotated[int, Field(ge=2, le=MOST_NODES + 1)]
+Pair = Annotated[tuple[Count, Count], Strict(False)]
 
 
 class ErrorRecord(Table):
@@ -91,17 +82,16 @@ class Accuracy(Table):
     def _require_an_error(self) -> Self:
         """Refuse a table that asks for no error."""
         if not self.asked:
+            keys = [key for key in type(self).model_fields if key != "found"]
             raise conflict(
-                f"it asks for nothing: give at least one of {', '.join(ANSWERS)}, as"
-                " continuum_area = 0.01"
+                f"it asks for nothing: give at least one of {', '.join(keys)}, as {AREA} = 0.01"
             )
         return self
 
     @property
     def asked(self) -> dict[str, float]:
         """Largest relative errors by the keys that ask for them [1]."""
-        errors = {key: getattr(self, key) for key in ANSWERS}
-        return {key: error for key, error in errors.items() if error is not None}
+        return {key: error for key, error in self if key != "found" and error is not None}
 
     def report(self, rtol: float) -> list[str]:
         """Return lines about the errors that are asked for, the grid, and the trial that found it.
@@ -158,14 +148,39 @@ def completed_for_accuracy(content: dict[str, Any]) -> dict[str, Any]:
     accuracy = content["accuracy"]
     store = content.get("store", {})
     if isinstance(accuracy, dict) and isinstance(store, dict):
-        columns = [column for key, column in COLUMNS.items() if key in accuracy]
-        completed["store"] = {**store, **dict.fromkeys(columns, True)}
+        completed["store"] = {**store, **dict.fromkeys(_asked_columns(accuracy), True)}
     surface = content.get("surface")
     if isinstance(surface, dict) and "nodes" not in surface:
         generator = TAGS.get(str(surface.get("generator")))
         if generator is not None and generator.ON_ANY_GRID:
             completed["surface"] = {**surface, "nodes": _finest_nodes(surface)}
     return completed
+
+
+def _asked_columns(accuracy: Iterable[str]) -> list[str]:
+    """Return the columns of keys of `[accuracy]`, apart from those that every database has."""
+    names = {key: CONTINUUM.name if key == AREA else key for key in accuracy}
+    return [
+        quantity.name
+        for quantity in stored_quantities()
+        if quantity.stored == "asked" and quantity.name in names.values()
+    ]
+
+
+def answer_of(key: str) -> str:
+    """Return the name in `bem.accuracy.ANSWERS` of the answer whose error a key asks for.
+
+    Parameters
+    ----------
+    key : str
+        A key of `[accuracy]`.
+
+    Returns
+    -------
+    str
+        The name.
+    """
+    return "area" if key == AREA else key
 
 
 def _finest_nodes(surface: dict[str, Any]) -> int | tuple[int, int]:

@@ -117,6 +117,7 @@ class Scene(Table):
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
             # The grid is known only when a run has found the maps. Then the scene is checked again.
             return self
+        self._require_nodes_of_surfaces()
         fault = self.surface.fault_on(self.grid)
         if fault:
             raise conflict(f"surface: {fault}")
@@ -137,6 +138,16 @@ class Scene(Table):
                     f"accuracy needs contact.{key} = '{needed}', not '{value}', which is a"
                     " statement about one grid"
                 )
+
+    def _require_nodes_of_surfaces(self) -> None:
+        """Refuse a recorded grid that is finer than the one on which surfaces are made."""
+        made = self.made_grid.shape
+        nodes = self.grid.shape
+        if nodes[0] > made[0] or nodes[1] > made[1]:
+            raise conflict(
+                f"accuracy.found.nodes are {nodes[0]} x {nodes[1]}, the surfaces are made on"
+                f" {made[0]} x {made[1]}: give no more"
+            )
 
     def _require_one_table_of_loads(self) -> None:
         """Refuse a scene with both tables of loads, or with none."""

@@ -331,6 +331,9 @@ store = { perimeter = true }
 surface = { generator = "spectral", roll_off = 80.0, cut_off = 40.0, rms_slope = 0.1 }
 load = { quantity = "force", range = { normal = [4.0, 0.5] } }
 
+surface = { generator = "spectral", roll_off = 80.0, cut_off = 40.0, rms_slope = 0.1 }
+accuracy = { continuum_area = 0.01, stiffness = 0.1 }
+
 surface = { generator = "python", function = "a:b", parameters = { c = [1, 2] } }
 store = { function = "a:d", outputs = { e = "um" }, least = { e = 0.0 } }
 
