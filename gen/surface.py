@@ -139,6 +139,15 @@ class GeneratedSurface(Table):
     """Whether the surfaces have the same waves on every grid that `fault_on` allows. If they have
     not, they are made on their own nodes and read on fewer where a scene asks for an error."""
 
+    FOLLOWS_MAPS: ClassVar[bool] = False
+    """Whether the surfaces follow from measured maps. A patch is then mirrored by default, the grid
+    is known only when a run has found the maps, and a scene has to give its loads."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the table has recorded the files on which the grid depends, if there are any."""
+        return True
+
     @property
     def cuts_windows(self) -> bool:
         """Whether surfaces are windows that are cut out of larger ones."""

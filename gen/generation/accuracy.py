@@ -252,7 +252,7 @@ class _Trial:
             if not self._may_hold(nodes):
                 continue
             candidate = _on_nodes(self.tried_scene, self._found(nodes))
-            if candidate.surface.fault_on(candidate.grid):
+            if candidate.surface.fault_on(candidate.made_grid):
                 continue  # it is too coarse for the shortest waves
             grid = self._judge(candidate)
             self.judged.append(grid)

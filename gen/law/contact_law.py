@@ -413,12 +413,13 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
 
     Contacts between the pressures are always solved, those between the Deltas only if
     `order.between` names "delta". Without "delta" the contacts serve tables of finite elements,
-    which hold neither the area in the continuum nor apertures: these two are not computed then.
+    which hold neither the area in the continuum nor apertures nor shear: these are not computed
+    then.
     """
     order = law.order
     over_delta = "delta" in order.between
     if not over_delta:
-        order = replace(order, grid_error=False, flow=False)
+        order = replace(order, grid_error=False, flow=False, friction=None)
     # The grid's error is not judged between loads: it has been judged at the loads.
     solver = replace(solver, order=order, judges=False, passes=BETWEEN)
     between = SolverBetween(law, solver)

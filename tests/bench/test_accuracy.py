@@ -50,7 +50,8 @@ def test_maps_that_cannot_be_read_are_named_and_left_out(tmp_path, capsys):
     (tmp_path / "note.txt").write_text("no map")
     with pytest.raises(InputError, match="neither a file nor a folder"):
         read_maps(tmp_path / "none")
-    assert read_maps(tmp_path) == []
+    with pytest.raises(InputError, match="no map of it can be read"):
+        read_maps(tmp_path)
     printed = capsys.readouterr().err
     assert "left out" in printed
     assert "flat.npy" in printed  # a file without a scan length
@@ -173,7 +174,6 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
     monkeypatch.setattr(times, "PERIODIC_SOLVERS", (None, Stub()))
     monkeypatch.setattr(times, "installed", list)
     monkeypatch.setattr(times, "missing", lambda _: {})
-    monkeypatch.setattr(times, "PRESSURES", (0.2,))
     monkeypatch.setattr(times, "TRUTH_IN_WAVE", 32)
     monkeypatch.setattr(times, "MAP_IN_WAVE", 16)
     monkeypatch.setattr(times, "TURN", 1e-6)
@@ -203,7 +203,7 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
 
 
 def test_a_solver_that_fails_is_left_out(monkeypatch, capsys):
-    rough = Rough.drawn(waves=4, pressure=0.2, number=0)
+    rough = Rough.drawn(waves=4, number=0)
     grid = times._Grid.solved(rough, 8)
 
     class Failing(Stub):
@@ -259,6 +259,12 @@ def test_full_grids_are_timed_beside_ours():
         (["--of", "speed"], "--of speed: give some of asked, times, full"),
         (["--maps", "none"], "none: is neither a file nor a folder"),
         (["--contacts", "0"], "contacts"),
+        (
+            ["--of", "asked", "--kinds", "cubes"],
+            "--kinds cubes: give some of waves without",
+        ),
+        (["--waves", "8,0"], "--waves 0: give numbers from 1 on"),
+        (["--nodes", "63"], "--nodes 63: give numbers from 64 on"),
     ],
 )
 def test_wrong_options_are_one_line(arguments, message, tmp_path, monkeypatch, capfd):
