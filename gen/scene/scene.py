@@ -546,16 +546,17 @@ class Scene(Table):
 def _refuse_tolerance_beside_accuracy(content: dict[str, Any], source: str) -> None:
     """Raise InputError if a user's scene, read from TOML, asks for an error and gives a tolerance.
 
-    A scene that a database has recorded has both.
+    The text of a scene has the default tolerance, and that of a recorded scene the one of its grid.
     """
     accuracy = content.get("accuracy")
     contact = content.get("contact")
     if not isinstance(accuracy, dict) or not isinstance(contact, dict):
         return
-    if "rtol" in contact and "found" not in accuracy:
+    rtol = contact.get("rtol", Contact().rtol)
+    if rtol != Contact().rtol and "found" not in accuracy:
         raise InputError(
             printable(
-                f"{source}: contact.rtol = {shown(contact['rtol'])}: [accuracy] finds the"
+                f"{source}: contact.rtol = {shown(rtol)}: [accuracy] finds the"
                 " tolerance; leave out one of them"
             )
         )
