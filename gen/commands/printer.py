@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.material import LAYER_COLUMNS
 from gen.quantities import QUANTITIES
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import echo, print_columns
@@ -400,6 +401,7 @@ def _print_law(fit: SelfAffineFit) -> None:
 COLUMNS_OF_FILES = {
     *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
     "modulus_MPa",
+    *LAYER_COLUMNS,
     "boundary",
     "hardness_MPa",
     "residual",
