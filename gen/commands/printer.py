@@ -201,6 +201,8 @@ def _print_plan_of_loads(scene: Scene) -> None:
         if high != low:
             hardness += f" to {high:.4g}"
         echo(f"  hardness  {hardness} MPa")
+    if scene.contact.layer is not None:
+        echo(f"  layer     {scene.contact.layer_text}")
 
 
 def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
