@@ -46,6 +46,7 @@ cases = {
         *(64.0, 0.02, np.geomspace(20, 1000, 6)),
     ),
 }
+largest = {}  # areas at the largest pressure [%], on the layer and on the block
 figure, axes = plt.subplots(2, 2, figsize=(9, 6), layout="constrained")
 for name, row in zip(cases, axes, strict=True):
     body, block, block_name, side, slope, pressures = cases[name]
@@ -60,6 +61,7 @@ for name, row in zip(cases, axes, strict=True):
     row[1].loglog(pressures, bare, "s--", label=block_name)
     row[1].set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
     row[1].legend()
+    largest[name] = coated[-1], bare[-1]
     print(f"{name}: {coated[-1]:.1f} % in contact at {pressures[-1]:g} MPa,", end=" ")
     print(f"{block_name} {bare[-1]:.1f} %")
 plt.show()
