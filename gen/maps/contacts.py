@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gen.doubts import Pressed
 from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
-from gen.material import loads_from, require_within
+from gen.material import LAYER_COLUMNS, loads_from, require_within
 from gen.quantities import (
     AREA,
     CONDUCTANCE,
@@ -30,7 +30,7 @@ from gen.runtime.errors import InputError, input_errors
 from gen.runtime.terminal import RunProgress, quoted
 
 if TYPE_CHECKING:
-    from bem import Contact
+    from bem import Body, Contact
     from bem.budget import ErrorParts
 
 
@@ -178,7 +178,7 @@ def _answers_of_option(option: str, contact: Contact, media: Media) -> list[Answ
 
 
 def _about_the_bodies(contact: Contact) -> list[Answer]:
-    """Return the answers about E*, the boundary unless it is free, and the hardness if any."""
+    """Return the answers about E*, a layer, the boundary unless it is free, and the hardness."""
     problem = contact.problem
     modulus = Answer(
         column="modulus_MPa",
@@ -186,7 +186,7 @@ def _about_the_bodies(contact: Contact) -> list[Answer]:
         label="modulus E*",
         unit="MPa",
     )
-    about_the_bodies = [modulus]
+    about_the_bodies = [modulus, *_about_the_layer(problem.body)]
     if problem.boundary != "free":
         boundary = Answer(
             column="boundary",
@@ -204,6 +204,33 @@ def _about_the_bodies(contact: Contact) -> list[Answer]:
         )
         about_the_bodies.append(hardness)
     return about_the_bodies
+
+
+def _about_the_layer(body: Body) -> list[Answer]:
+    """Return the answers about the layer of a body and about its base; none for half-spaces."""
+    from bem.bodies import HalfSpace, Layered, Pair
+
+    if isinstance(body, Pair):  # the layer is that of the first body
+        body = body.first
+    if not isinstance(body, Layered):
+        return []
+    values: dict[str, float | str] = {
+        "layer_thickness_um": body.thickness,
+        "layer_young_MPa": body.modulus,
+        "layer_poisson": body.poisson,
+        "base": "rigid",
+    }
+    if isinstance(body.base, HalfSpace):
+        values |= {
+            "base": "elastic",
+            "base_young_MPa": body.base.modulus,
+            "base_poisson": body.base.poisson,
+        }
+    return [
+        Answer(column=column, value=value, label=label, unit=unit)
+        for column, (label, unit) in LAYER_COLUMNS.items()
+        if (value := values.get(column)) is not None
+    ]
 
 
 def _answers_of_quantity(

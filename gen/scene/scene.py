@@ -26,6 +26,7 @@ from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
+from gen.schema import LAYER_MODULUS
 from gen.surface import DisplacedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}
@@ -106,6 +107,13 @@ class Scene(Table):
             raise conflict(
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'"
+            )
+        layer = self.contact.layer
+        relative = self.quantity == "pressure/(E* slope_rms)"
+        if layer is not None and relative and LAYER_MODULUS in layer.drawn:
+            raise conflict(
+                f"load.quantity = '{self.quantity}' needs one E*, and contact.layer.modulus is"
+                " drawn: give 'pressure'"
             )
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
             # The grid is known only when a run has found the maps. Then the scene is checked again.
