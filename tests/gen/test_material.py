@@ -5,7 +5,7 @@ import pytest
 
 import bem
 from bem.checks import LARGEST as LARGEST_COMPUTED
-from gen.maps.contacts import require_conductivities
+from gen.maps.answers import require_conductivities
 from gen.material import (
     LARGEST,
     MOST_VALUES,
