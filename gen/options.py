@@ -297,7 +297,7 @@ class Layer(NamedTuple):
         float | None,
         Option(
             metavar="UM",
-            help="Thickness of a layer on the body of --young; needs a boundary without edges.",
+            help="Thickness of a layer that is bonded to the body of --young.",
         ),
     ] = None
     layer_young: Annotated[
