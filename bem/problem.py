@@ -351,7 +351,7 @@ def _check_combinations(problem: Problem) -> None:
 
 def _check_displacement(problem: Problem, delta: float) -> None:
     """Refuse a displacement [um] of full contact or more of elastic bodies without edges."""
-    if problem.boundary == "free" or problem.hardness is not None:
+    if problem.boundary == "free" or problem.hardness is not None or delta <= 0:
         return
     depth = float((problem.datum_height - problem.heights).mean())
     if delta >= max(depth, FLATTEST):
