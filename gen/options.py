@@ -24,6 +24,7 @@ from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
+    from gen.material import Friction
 
 
 OUT = ("--output", "-o")
@@ -98,6 +99,18 @@ Delta = Annotated[
 NormalForce = Annotated[str, Option(metavar="UN", help="Normal forces in uN, likewise.")]
 Pressure = Annotated[
     str, Option(metavar="MPA", help="Pressures over the patch in MPa, likewise.")
+]
+SlipShares = Annotated[
+    str,
+    Option(
+        "--shear",
+        metavar="SHARES",
+        help="Shear forces over the one at which the bodies slide: 0.5 or start:stop:count.",
+    ),
+]
+AtPressure = Annotated[
+    float | None,
+    Option(metavar="MPA", help="Pressure of the stick slope in CalculiX' file, in MPa."),
 ]
 Spots = Annotated[
     bool, Option("--spots", help="Count spots; tell if contact and gap cross.")
@@ -229,9 +242,10 @@ NewScene = Annotated[
     Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")
 ]
 Like = Annotated[
-    Path | None,
+    list[Path] | None,
     Option(
-        metavar="MAP", help="Instead of MAPS: a map, for a scene of surfaces like it."
+        metavar="MAP",
+        help="Instead of MAPS: a map, for a scene of surfaces like it. Again for more of its kind.",
     ),
 ]
 
@@ -267,6 +281,122 @@ class Material(NamedTuple):
             help="Hardness of the softer body, which yields at this pressure.",
         ),
     ] = None
+
+
+class Shear(NamedTuple):
+    """The options about shear of two bodies of like elastic constants."""
+
+    friction: Annotated[
+        float | None,
+        Option(
+            metavar="F",
+            help="Coefficient of friction: add stiffness in shear, elastic slip and slip curve.",
+        ),
+    ] = None
+    like_bodies: Annotated[
+        bool,
+        Option(
+            "--like-bodies",
+            help="Take two bodies with unlike moduli for alike in shear.",
+        ),
+    ] = False
+
+    def friction_of(self, material: Material) -> "Friction | None":
+        """Return the friction of the bodies, None if the option is left out.
+
+        Parameters
+        ----------
+        material : Material
+            The options about the material.
+
+        Returns
+        -------
+        Friction or None
+            Friction and Poisson's ratio of both bodies.
+
+        Raises
+        ------
+        InputError
+            If the bodies yield or are not alike, or a number is not allowed.
+        """
+        from gen.material import Friction
+
+        if self.friction is None:
+            if self.like_bodies:
+                raise InputError("--like-bodies goes with --friction")
+            return None
+        if material.hardness is not None:
+            raise InputError(
+                "--friction with --hardness: partial slip is that of elastic bodies; leave one"
+                " of them out"
+            )
+        return Friction.of_options(
+            self.friction,
+            material.young,
+            material.poisson,
+            like_bodies=self.like_bodies,
+        )
+
+
+class Accuracy(NamedTuple):
+    """The options about the errors of answers: those of the grid, or those that are asked for."""
+
+    grid_error: GridError = True
+    error: Error = ""
+
+    def errors(self, context: typer.Context) -> dict[str, float] | None:
+        """Parse --error, and refuse the options of a command that do not go with it.
+
+        Parameters
+        ----------
+        context : typer.Context
+            The command with the values of all of its options.
+
+        Returns
+        -------
+        dict from str to float, or None
+            Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1]; None
+            if the option is left out.
+
+        Raises
+        ------
+        InputError
+            If an option does not go with it, or its text names no errors.
+        """
+        if not self.error:
+            return None
+        from gen.maps.accuracy import errors_from
+
+        _refuse_with_error(context)
+        return errors_from(self.error)
+
+
+NOT_WITH_ERROR = {
+    "grid_error": (True, "answers within an error need the error of the grid"),
+    "rtol": (None, "the tolerance of the solver follows from the error"),
+    "kernel": ("uniform-pressure", "answers of the other one belong to its grid"),
+    "far_field": ("rigid", "answers of the other one belong to its grid"),
+    "flattened": (None, "it would have fewer nodes than the map"),
+}
+"""Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
+
+
+def _refuse_with_error(context: typer.Context) -> None:
+    """Refuse the first option of a command that was given and does not go with --error."""
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if name not in NOT_WITH_ERROR:
+            continue
+        allowed, reason = NOT_WITH_ERROR[name]
+        source = context.get_parameter_source(name)
+        is_given = source is not None and source.name == "COMMANDLINE"
+        value = context.params[name]
+        if not is_given or value == allowed:
+            continue
+        option = parameter.opts[0]
+        if value is False:
+            option = parameter.secondary_opts[0]
+        raise InputError(f"{option}: leave it out with --error: {reason}")
 
 
 class Against(NamedTuple):

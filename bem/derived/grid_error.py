@@ -535,6 +535,15 @@ def _on_half_of_the_nodes(contact: Contact, summit: float) -> tuple[Contact | No
         return None, "half of the nodes are in full contact"
 
 
+def _too_coarse_to_judge(contact: Contact, area: float) -> str:
+    """Return why no coarser grid can tell the error of an area [um^2], or "" if one can."""
+    if not contact.problem.is_deeper_than_cells:
+        return "a cell is no smaller than the layer, whose material rules at the border"
+    if area == 0 and contact.force > 0:
+        return "no spot of contact is as large as a cell of the grid"
+    return ""
+
+
 def _judged(error: GridError, coarse: Contact) -> _Verdict:
     """Judge by the areas on both grids whether the bar of the area holds.
 
@@ -543,9 +552,9 @@ def _judged(error: GridError, coarse: Contact) -> _Verdict:
     contact = error.contact
     area = area_within(contact)
     coarse_area = area_within(coarse, contact.problem.spacing)
-    if area == 0 and contact.force > 0:
-        reason = "no spot of contact is as large as a cell of the grid"
-        return _Verdict(resolved=False, reason=reason)
+    too_coarse = _too_coarse_to_judge(contact, area)
+    if too_coarse:
+        return _Verdict(resolved=False, reason=too_coarse)
     if area:
         change = coarse_area / area - 1
     elif coarse_area > 0:  # nothing touches here: any area counts as 100 % more

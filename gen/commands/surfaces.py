@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
-from gen.material import Bodies, Gas
+from gen.material import Bodies, Friction, Gas, require_within, shear_shares
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
 from gen.runtime.terminal import echo
+
+if TYPE_CHECKING:  # each command imports no more than it needs
+    from gen.law import Order
 
 
 @grouped
@@ -90,12 +93,13 @@ def contact(
     far_field: options.FarField = "rigid",
     rtol: options.Tolerance = 2e-7,
     max_iterations: options.MaxIterations = 1000,
-    grid_error: options.GridError = True,
-    error: options.Error = "",
+    accuracy: options.Accuracy,
     spots: options.Spots = False,
     flow: options.Flow = False,
     stiffness: options.Stiffness = False,
     conductivity: options.Conductivity = None,
+    shear: options.Shear,
+    shares: options.SlipShares = "",
     threads: options.Threads = None,
     table: options.Table = None,
     json: options.Json = None,
@@ -107,6 +111,9 @@ def contact(
     The contact area is printed twice: as a share of the nodes, and in the continuum, with the error
     of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
     contact, the flow of a fluid through the gap, the stiffness and the conductance.
+
+    With --friction two like bodies are sheared: their stiffness before slip along x and y, and with
+    --shear the shift, the area that sticks, and the energy that a cycle loses.
 
     With --error each contact is solved on fewer nodes, as many as the error needs. Names of answers
     are area, mean_gap, stiffness, delta and force.
@@ -125,15 +132,17 @@ def contact(
         press_several,
     )
     from gen.maps import contacts, several
+    from gen.maps.answers import AnswerOptions
 
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
     conductivities = _conductivities(conductivity)
+    friction = shear.friction_of(material)
+    slip_shares = _slip_shares(shares, friction)
+    _refuse_other_bodies(friction, kernel, far_field)
     settings: dict[str, Any] = {"max_iterations": max_iterations}
-    errors = None
-    if error:
-        _refuse_with_error(context)
-        errors = contacts.errors_from(error)
+    errors = accuracy.errors(context)
+    if errors is not None:
         # The stiffness is printed if its error is asked for.
         stiffness = stiffness or "stiffness" in errors
     else:
@@ -154,12 +163,14 @@ def contact(
         opposite=facing.second_body(reading),
         load=load.name,
         values=load.values,
-        options=contacts.AnswerOptions(
-            grid_error=grid_error,
+        options=AnswerOptions(
+            grid_error=accuracy.grid_error,
             spots=spots,
             flow=flow,
             stiffness=stiffness,
             conductivities=conductivities,
+            friction=friction,
+            shares=slip_shares,
             errors=errors,
         ),
         bodies=bodies,
@@ -183,39 +194,43 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     `values` has the values of the option --conductivity: one for equal bodies, or two. Raises
     InputError if there are more values, or one is outside the range of physical numbers.
     """
-    from gen.maps.contacts import require_conductivities
+    from gen.maps.answers import require_conductivities
 
     if not values:
         return None
     return require_conductivities(values)
 
 
-NOT_WITH_ERROR = {
-    "grid_error": (True, "answers within an error need the error of the grid"),
-    "rtol": (None, "the tolerance of the solver follows from the error"),
-    "kernel": ("uniform-pressure", "answers of the other one belong to its grid"),
-    "far_field": ("rigid", "answers of the other one belong to its grid"),
-    "flattened": (None, "it would have fewer nodes than the map"),
-}
-"""Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
+def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:
+    """Return the values of the option --shear; refuse it without --friction."""
+    if text and friction is None:
+        raise InputError("--shear goes with --friction")
+    return shear_shares(text)
 
 
-def _refuse_with_error(context: typer.Context) -> None:
-    """Refuse the first option of `gen contact` that was given and does not go with --error."""
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        if name not in NOT_WITH_ERROR:
-            continue
-        allowed, reason = NOT_WITH_ERROR[name]
-        source = context.get_parameter_source(name)
-        is_given = source is not None and source.name == "COMMANDLINE"
-        value = context.params[name]
-        if not is_given or value == allowed:
-            continue
-        option = parameter.opts[0]
-        if value is False:
-            option = parameter.secondary_opts[0]
-        raise InputError(f"{option}: leave it out with --error: {reason}")
+def _refuse_other_bodies(friction: Friction | None, kernel: str, far_field: str) -> None:
+    """Refuse shear of contacts that are not those of half-spaces on a rigid far field."""
+    if friction is None or (kernel, far_field) == ("uniform-pressure", "rigid"):
+        return
+    raise InputError(
+        f"--friction with --kernel {kernel} and --far-field {far_field}: shear is that of"
+        " half-spaces; leave both options out"
+    )
+
+
+def _refuse_stick_pressure(order: Order) -> None:
+    """Refuse the option --at-pressure without --friction, or outside the pressures of a law."""
+    pressure = order.stick_pressure
+    if pressure is None:
+        return
+    if order.friction is None:
+        raise InputError("--at-pressure goes with --friction")
+    require_within("--at-pressure", pressure, "MPa")
+    from gen.law.finite_elements import require_in_law
+
+    pressures = order.loads().get("pressure")
+    if pressures is not None:
+        require_in_law(pressure, pressures[pressures > 0])
 
 
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
@@ -253,12 +268,14 @@ def law(
     pressure: options.Pressure = "",
     material: options.Material,
     conductivity: options.Conductivity = None,
+    shear: options.Shear,
+    at_pressure: options.AtPressure = None,
     gas_conductivity: options.GasConductivity = None,
     jump_distance: options.JumpDistance = None,
     boundary: options.Boundary = "mirror",
     surfaces: options.Population = 50,
     band: options.Band = 0.9,
-    grid_error: options.GridError = True,
+    accuracy: options.Accuracy,
     flow: options.Flow = False,
     also: options.Also = None,
     output: options.LawFiles = None,
@@ -274,6 +291,12 @@ def law(
 
     The patch is a piece of a larger interface, continued by its mirror images. The closure is
     therefore that of the interface alone: a mesh adds it to the deformation of the bodies.
+
+    With --error each load of each surface is solved on fewer nodes, as many as the error needs, and
+    the files say which errors were asked for and are met.
+
+    With --friction two like bodies are sheared: stiffness before slip and elastic slip along x and
+    y, and the shift and the loss of a cycle at 20, 40, 60 and 80 % of the sliding force.
     """
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
@@ -298,8 +321,11 @@ def law(
         boundary=boundary,
         conductivities=_conductivities(conductivity),
         gas=_gas(gas_conductivity, jump_distance),
+        friction=shear.friction_of(material),
+        stick_pressure=at_pressure,
         stiffness=True,
-        grid_error=grid_error,
+        grid_error=accuracy.grid_error,
+        errors=accuracy.errors(context),
         flow=flow,
         also=require_also(also or []),
         reading=reading,
@@ -308,6 +334,7 @@ def law(
         straight=files.straight_lines,
         command=recorded_command_line(context, "gen"),
     )
+    _refuse_stick_pressure(order)
     contact_law = by_solver(order)
     show(contact_law)
     for path in write_files(contact_law, files, figure):
@@ -324,7 +351,7 @@ def scene(
     material: options.Material,
     reading: FileReading,
 ) -> None:
-    """Examine measured maps and write a scene of their windows, or of surfaces like one map.
+    """Examine measured maps and write a scene of their windows, or of surfaces like them.
 
     Comments in the scene give the reasons for its values. The scene can be run as it is, and is
     meant to be edited.
@@ -333,7 +360,7 @@ def scene(
 
     draft(
         inputs=inputs or [],
-        like=like,
+        like=like or [],
         output=output,
         reading=Reading(**vars(reading)),  # with the defaults for all preparation
         bodies=Bodies.of(*material),

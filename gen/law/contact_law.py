@@ -18,12 +18,14 @@ from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import material_doubts
+from gen.law import accuracy
 from gen.law.bands import assumption, described
 from gen.law.between import check_loads, merged, solve_between, solve_for_lines
 from gen.law.curves import APART, Curves, Points, risen, tabulated, without_reversals
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
 from gen.law.surfaces import LawSurfaces, Source, read_law_surfaces
+from gen.maps.limits import MapLimits, limits_of
 from gen.material import Bodies
 from gen.quantities import AREA
 from gen.runtime.errors import InputError
@@ -80,6 +82,7 @@ class Law:
     between_pressures: Curves | None = None
     # Contacts at pressures that straight lines are compared with; None without any.
     checks: Curves | None = None
+    limits: tuple[MapLimits, ...] = ()  # of each surface, if errors were asked for
 
 
 def by_solver(order: Order) -> Law:
@@ -110,8 +113,11 @@ def by_solver(order: Order) -> Law:
     solver = LawSolver(order, subjects.surfaces, bodies)
     solved = {load: solver.solve(load, values) for load, values in loads.items()}
     tables = _tables(solver, solved)
-    making = Making(method="solved contact by contact", band=_band_of_one_surface(tables))
+    band = _band_of_one_surface(order, tables)
+    making = Making(method="solved contact by contact", band=band)
     law = law_of(order, subjects, bodies, tables, making)
+    if order.errors is not None:
+        law = _with_accuracy(law, order.errors, subjects)
     if not order.between:
         return law
     return _with_contacts_between(law, solver)
@@ -131,11 +137,26 @@ def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
     return Bodies(e_star=e_star, hardness=hardness, has_modulus=order.e_star is not None)
 
 
-def _band_of_one_surface(tables: Tables) -> str:
+def _with_accuracy(law: Law, errors: Mapping[str, float], subjects: LawSurfaces) -> Law:
+    """Return a law with the limits of its maps, and notes on the errors that were asked for."""
+    limits = tuple(limits_of(surface) for surface in subjects.surfaces)
+    method, *further = law.notes
+    tables = (law.over_delta, law.over_pressure)
+    about_errors = accuracy.notes(tables, errors, law.order.requested)
+    about_limits = accuracy.limits_in_words(limits)
+    return replace(
+        law, limits=limits, notes=(method, *about_errors, about_limits, *further)
+    )
+
+
+def _band_of_one_surface(order: Order, tables: Tables) -> str:
     """Describe the band of one surface: the error of the grid, if the grid resolves a contact.
 
-    The text says that there is no band if the grid resolves none, or was not judged.
+    The text says that there is no band if the grid resolves none, or was not judged. If errors were
+    asked for, these are the band.
     """
+    if order.errors is not None:
+        return accuracy.band_of_one_surface(order.errors)
     for table in (tables.over_delta, tables.over_pressure):
         if table.resolved_somewhere:
             return "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -236,7 +257,7 @@ def _few_nodes(over_pressure: Curves, nodes: int) -> str:
     the pressure [MPa].
     """
     area = over_pressure.curves[AREA.in_laws].value  # in percent of the nominal area
-    touching = nodes * area / 100  # number of nodes in contact
+    touching = over_pressure.fewest_nodes(nodes) * area / 100  # nodes in contact
     pressures = over_pressure.at[(touching > 0) & (touching < FEW)]
     if not pressures.size:
         return ""
@@ -392,12 +413,13 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
 
     Contacts between the pressures are always solved, those between the Deltas only if
     `order.between` names "delta". Without "delta" the contacts serve tables of finite elements,
-    which hold neither the area in the continuum nor apertures: these two are not computed then.
+    which hold neither the area in the continuum nor apertures nor shear: these are not computed
+    then.
     """
     order = law.order
     over_delta = "delta" in order.between
     if not over_delta:
-        order = replace(order, grid_error=False, flow=False)
+        order = replace(order, grid_error=False, flow=False, friction=None)
     # The grid's error is not judged between loads: it has been judged at the loads.
     solver = replace(solver, order=order, judges=False, passes=BETWEEN)
     between = SolverBetween(law, solver)
@@ -412,7 +434,18 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
         deltas = between.same_over_delta()
     elif over_delta:
         deltas = solve_between(law.over_delta, law.nodes, between.at_deltas, rounds=1)
-    return replace(law, between_pressures=pressures, between_deltas=deltas, checks=checks)
+    notes = law.notes
+    if order.errors is not None:
+        solved = [table for table in (pressures, checks, deltas) if table is not None]
+        note = accuracy.note_on_contacts_between(solved, order.errors)
+        notes = (*notes, note) if note else notes
+    return replace(
+        law,
+        between_pressures=pressures,
+        between_deltas=deltas,
+        checks=checks,
+        notes=notes,
+    )
 
 
 class SolverBetween:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law import cubics, finite_elements
+from gen.law import accuracy, cubics, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
@@ -25,6 +25,7 @@ from gen.quantities import (
     DELTA,
     IN_LAWS,
     MEAN_GAP,
+    OF_SHEAR,
     PRESSURE,
     STIFFNESS,
 )
@@ -43,6 +44,13 @@ PARTS = {
     "_std": "std",
 }
 """Attributes of `Curve` by the suffix of their columns, which follows the name of the quantity."""
+
+SLIP_CURVE = {
+    quantity.in_laws
+    for quantity in OF_SHEAR
+    if quantity.name.startswith(("shift_", "loss_"))
+}
+"""Names in laws of the quantities of slip curves."""
 
 FORMAT_VERSION = 1
 """Version of the JSON document. It is raised when a reader of the last version would misread a
@@ -102,12 +110,14 @@ def show(law: Law) -> None:
 def _show_table(law: Law, table: Curves) -> None:
     """Print a table of a law under its title.
 
-    The last column has the reason of each row: why it has no band, or what is outside a surrogate's
+    If errors were asked for, the grid and the errors of each row follow its quantities. The last
+    column has the reason of each row: why it has no band, or what is outside a surrogate's
     training. Rows with a reason and no band show "(-)" in place of the band.
     """
     echo(law.title)
     echo(f"{law.bodies.text}; band: {law.band}")
     names = _columns_shown(table)
+    about_errors: list[str] = []  # titles of their columns
     banded = np.any([curve.banded for curve in table.curves.values()], axis=0)
     lines: list[list[str]] = []
     for place, row in enumerate(cells(table)):
@@ -115,19 +125,25 @@ def _show_table(law: Law, table: Curves) -> None:
         withheld = bool(reason) and not banded[place]
         line = [f"{row[table.against]:.5g}"]
         line += [_text_of_cell(row, name, withheld=withheld) for name in names]
+        if law.order.errors is not None:
+            cells_of_load = accuracy.cells(table, place, law.order.errors, surfaces=1)
+            line += accuracy.shown_cells(cells_of_load)
+            about_errors = accuracy.shown_columns(cells_of_load)
         line.append(first_reason(reason))
         lines.append(line)
     last = "reason" if any(table.reasons) else ""
-    print_columns(lines, [table.against, *names, last], right=[table.against, *names])
+    titles = [table.against, *names, *about_errors]
+    print_columns(lines, [*titles, last], right=titles)
 
 
 def _columns_shown(table: Curves) -> list[str]:
     """Return the names of the quantities whose columns are printed.
 
     A table against Delta is printed without the closure, so that its lines are shorter. A table
-    against pressure is printed without Delta if Delta equals the closure at every pressure.
+    against pressure is printed without Delta if Delta equals the closure at every pressure. Shifts
+    and losses are in files alone.
     """
-    names = list(table.curves)
+    names = [name for name in table.curves if name not in SLIP_CURVE]
     if table.against == DELTA.in_laws:
         names.remove(CLOSURE.in_laws)
         return names
@@ -220,6 +236,7 @@ def _rows(law: Law, table: Curves) -> list[Row]:
     for place, numbers in enumerate(cells(table)):
         row = _about_the_load(law, table, place)
         row |= {column: numbers.get(column, "") for column in columns}
+        row |= _about_the_errors(law, table, place)
         row["resolved"] = _resolved(table, place)
         row["reason"] = table.reasons[place]
         row |= _record_of_the_files(sources)
@@ -241,6 +258,17 @@ def _about_the_load(law: Law, table: Curves, place: int) -> Row:
     if law.boundary != "free":
         row["boundary"] = law.boundary
     return row
+
+
+def _about_the_errors(law: Law, table: Curves, place: int) -> Row:
+    """Return the cells of a row about errors that were asked for, and the limits of the maps.
+
+    There are none if no error was asked for.
+    """
+    if law.order.errors is None:
+        return {}
+    cells_of_load = accuracy.cells(table, place, law.order.errors, len(law.surface_names))
+    return cells_of_load | accuracy.worst_limits(law.limits).columns
 
 
 def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
@@ -309,6 +337,12 @@ def write_json(path: Path, law: Law) -> list[Path]:
     gas: dict[str, float] = {}
     if law.order.gas is not None:
         gas = law.order.gas.by_keys
+    friction: dict[str, float] = {}
+    if law.order.friction is not None:
+        friction = {
+            "friction": law.order.friction.coefficient,
+            "poisson_in_shear": law.order.friction.poisson,
+        }
     document: dict[str, Any] = {
         "format": "asperity contact law",
         "version": FORMAT_VERSION,
@@ -316,6 +350,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
         **gas,
+        **friction,
         "boundary": law.boundary,
         "surfaces": list(law.descriptions),
         "sources": [asdict(source) for source in law.sources],
@@ -327,10 +362,15 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "asperity": VERSION,
         "commit": git_commit(),
         "tables": [
-            _table_in_json(law.over_delta),
-            _table_in_json(law.over_pressure),
+            _table_in_json(law.over_delta) | _errors_in_json(law, law.over_delta),
+            _table_in_json(law.over_pressure) | _errors_in_json(law, law.over_pressure),
         ],
     }
+    if law.order.errors is not None:
+        document["errors_asked_percent"] = {
+            name: 100 * error for name, error in law.order.errors.items()
+        }
+        document["limits_of_maps"] = [_nulls(limits.columns) for limits in law.limits]
     write(path, json_text(document))
     return [path]
 
@@ -347,6 +387,24 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
         "grid": list(table.unresolved),
         "curves": curves,
     }
+
+
+def _errors_in_json(law: Law, table: Curves) -> dict[str, Any]:
+    """Return the columns about errors of a table for JSON, {} if no error was asked for."""
+    errors = law.order.errors
+    if errors is None:
+        return {}
+    columns: dict[str, list[Any]] = {}
+    for place in range(table.at.size):
+        row = accuracy.cells(table, place, errors, len(law.surface_names))
+        for column, cell in _nulls(row).items():
+            columns.setdefault(column, []).append(cell)
+    return {"errors": columns}
+
+
+def _nulls(row: Row) -> dict[str, Any]:
+    """Return a row for JSON, with None in place of ""."""
+    return {column: None if cell == "" else cell for column, cell in row.items()}
 
 
 def _curve_in_json(curve: Curve) -> dict[str, Any]:
@@ -428,13 +486,20 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
 def _panels(curves: Curves) -> list[Panel]:
     """Return panels of the closure, of the area, and of the conductance or else the stiffness.
 
-    The third one is left out if the table has neither.
+    The third one is left out if the table has neither. Tables with shear have two further panels:
+    stiffness in shear and elastic slip, along x.
     """
     closure = Panel(curve=curves.curves[CLOSURE.in_laws], label=CLOSURE.label)
     panels = [closure, drawn_area(curves)]
     name = curves.conductance_name or STIFFNESS.in_laws
     if name in curves.curves:
         panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
+    stiffness, slip = OF_SHEAR[:2]
+    if stiffness.in_laws in curves.curves:
+        panels.append(
+            Panel(curve=curves.curves[stiffness.in_laws], label=stiffness.label)
+        )
+        panels.append(Panel(curve=curves.curves[slip.in_laws], label=slip.label))
     return panels
 
 

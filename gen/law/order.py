@@ -1,6 +1,6 @@
 """The request for a contact law: its surfaces, its loads, and the quantities of its tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,7 +10,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.maps.bodies import Opposite
 from gen.maps.settings import Reading
-from gen.material import Gas, loads_from
+from gen.material import Friction, Gas, loads_from
 from gen.quantities import (
     ALSO,
     ALWAYS_IN_LAWS,
@@ -19,6 +19,7 @@ from gen.quantities import (
     DELTA,
     GAS,
     JOINT,
+    OF_SHEAR,
     PRESSURE,
     STIFFNESS,
     Media,
@@ -58,9 +59,16 @@ class Order:
     # Conductivities of both bodies [W/(m K)]; None for a law without conductance of spots.
     conductivities: tuple[float, float] | None = None
     gas: Gas | None = None  # gas in the gap; None for none
+    # Friction of bodies of like elastic constants; None for a law without shear.
+    friction: Friction | None = None
+    # Pressure at which the file for CalculiX takes its stick slope [MPa]; None for no slope.
+    stick_pressure: float | None = None
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
+    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # contacts are solved on the coarsest grid that gives them; None for the grid of the surface.
+    errors: Mapping[str, float] | None = None
     flow: bool = False  # True for the hydraulic apertures of the gap
     also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read
@@ -114,8 +122,10 @@ class Order:
 
     @property
     def media(self) -> Media:
-        """Conductivities of the bodies and the gas, for the conductances."""
-        return Media(conductivities=self.conductivities, gas=self.gas)
+        """Conductivities of the bodies, the gas, and the friction."""
+        return Media(
+            conductivities=self.conductivities, gas=self.gas, friction=self.friction
+        )
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -134,6 +144,8 @@ class Order:
             quantities.append(JOINT)
         if self.flow:
             quantities += APERTURES
+        if self.friction:
+            quantities += OF_SHEAR
         quantities += [ALSO[name] for name in self.also]
         return tuple(quantities)
 
