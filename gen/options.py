@@ -56,7 +56,11 @@ SurfaceFiles = Annotated[
 Table = Annotated[Path | None, _file("Also write the results as a CSV table.", "--csv")]
 Json = Annotated[Path | None, _file("Also write the results as JSON.", "--json")]
 Scene = Annotated[
-    str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")
+    str,
+    Argument(
+        metavar="SCENE",
+        help="A shipped scene, as quick, a TOML file, or a database, for its scene.",
+    ),
 ]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
 ExportFolder = Annotated[
@@ -242,9 +246,10 @@ NewScene = Annotated[
     Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")
 ]
 Like = Annotated[
-    Path | None,
+    list[Path] | None,
     Option(
-        metavar="MAP", help="Instead of MAPS: a map, for a scene of surfaces like it."
+        metavar="MAP",
+        help="Instead of MAPS: a map, for a scene of surfaces like it. Again for more of its kind.",
     ),
 ]
 
@@ -280,6 +285,33 @@ class Material(NamedTuple):
             help="Hardness of the softer body, which yields at this pressure.",
         ),
     ] = None
+
+
+class Layer(NamedTuple):
+    """The options about a layer that is bonded to the first elastic body, or to a rigid one.
+
+    The fields have the order of the parameters of `gen.material.Layer.of`.
+    """
+
+    layer_thickness: Annotated[
+        float | None,
+        Option(
+            metavar="UM",
+            help="Thickness of a layer on the body of --young; needs a boundary without edges.",
+        ),
+    ] = None
+    layer_young: Annotated[
+        float | None, Option(metavar="MPA", help="Young's modulus of the layer.")
+    ] = None
+    layer_poisson: Annotated[
+        float | None, Option(metavar="NU", help="Poisson's ratio of the layer [0].")
+    ] = None
+    layer_base: Annotated[
+        Literal["elastic", "rigid"],
+        Option(
+            help="elastic: the layer lies on the body of --young; rigid: on a rigid one."
+        ),
+    ] = "elastic"
 
 
 class Shear(NamedTuple):
