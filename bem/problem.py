@@ -446,7 +446,8 @@ def _check_compliance(problem: Problem) -> None:
 
 def _check_displacement(problem: Problem, delta: float) -> None:
     """Refuse a displacement [um] of full contact or more of elastic bodies without edges."""
-    if not problem.has_most_delta or problem.hardness is not None:
+    is_bounded = problem.has_most_delta and problem.hardness is None
+    if not is_bounded or delta <= 0:
         return
     depth = float((problem.datum_height - problem.heights).mean())
     if delta >= max(depth, FLATTEST):
