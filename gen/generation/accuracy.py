@@ -31,8 +31,8 @@ from bem.accuracy import (
     tolerance_for,
 )
 from bem.budget import ErrorParts
-from bem.coarsening import LINES
-from bem.derived.grid_error import LEAST_ORDER, slope_order
+from bem.coarsening import sampled_lines
+from bem.derived.grid_error import LEAST_ORDER, slope_order_of_lines
 from gen.generation.plan import Plan, parameters
 from gen.generation.sample import (
     UNSOLVED,
@@ -230,7 +230,6 @@ class _Trial:
 
     def __init__(self, scene: Scene, limit: float | None, *, watched: bool) -> None:
         assert scene.accuracy is not None  # the caller has checked it
-        self.accuracy = scene.accuracy
         self.asked = scene.accuracy.asked
         tolerance = _rounded(tolerance_for(self.asked))
         contact = scene.contact.model_copy(update={"rtol": tolerance})
@@ -343,7 +342,8 @@ class _Trial:
         hardness = self.plan.hardness_of(row)
         if hardness is None:
             boundary = candidate.contact.boundary
-            if slope_order(surface.heights, boundary, lines=LINES) < LEAST_ORDER:
+            lines = sampled_lines(surface.heights)
+            if slope_order_of_lines(lines, boundary) < LEAST_ORDER:
                 return _JudgedContact({}, ENDLESS, row)
         settings = settings_of(candidate, hardness)
         absolute = absolute_load(candidate, surface.heights, load)
@@ -375,7 +375,7 @@ class _Trial:
         nx, ny = self.scene.made_grid.shape
         place = f"on {nx} x {ny} nodes, the finest grid"
         if not self.judged or not self.judged[-1].contacts:
-            return f"accuracy: {asked}: no contact of its trial {place} has a solution"
+            return f"accuracy: {asked}: {place}, no contact of its trial has a solution"
         nearest = self.judged[-1].beyond[0]
         advice = "more nodes in the shortest wave"
         if self.scene.surface.ON_ANY_GRID:
