@@ -1,6 +1,6 @@
 """The request for a contact law: its surfaces, its loads, and the quantities of its tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -63,6 +63,11 @@ class Order:
     grid_error: bool = False
     flow: bool = False  # True for the hydraulic apertures of the gap
     also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
+    # Largest relative errors of answers at 95 %, by their names in `bem.accuracy.ANSWERS` [1]; None
+    # for the grids and the number of surfaces that are given.
+    errors: Mapping[str, float] | None = None
+    # False to leave out a table for which no loads are given, with errors of means.
+    both_tables: bool = True
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     # Tables between whose loads further contacts are solved, for programs that join the points.

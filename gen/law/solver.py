@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -23,6 +24,12 @@ LONG = 10**6
 
 PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
 """Name of a pass in the progress; a population is solved in one pass for each table."""
+
+BETWEEN: Mapping[Load, str] = {
+    "delta": "between the Deltas",
+    "pressure": "between the pressures",
+}
+"""Name of the contacts between the loads of a table, as the display of the progress has it."""
 
 NOT_SOLVED = "warning: not solved"
 """Beginning of a remark on loads that are left out of a law."""
@@ -90,6 +97,28 @@ class LawSolver:
     judges: bool = True
     # What the progress counts, by the kind of the loads.
     passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)
+
+    @property
+    def has_one_surface(self) -> bool:
+        """True if the law is that of one surface, whose contacts serve both tables."""
+        return len(self.surfaces) == 1
+
+    def for_loads_between(self, order: Order) -> Self:
+        """Return a solver of contacts between the loads of a law.
+
+        The error of the grid is not judged there: it has been judged at the loads.
+
+        Parameters
+        ----------
+        order : Order
+            The request, with the quantities of these contacts.
+
+        Returns
+        -------
+        LawSolver
+            The solver, whose progress names these contacts.
+        """
+        return replace(self, order=order, judges=False, passes=BETWEEN)
 
     def solve(self, load: Load, loads: Values) -> SolvedLoads:
         """Solve every surface under loads that the user gave, and print the progress if it is long.

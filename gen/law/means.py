@@ -1,0 +1,482 @@
+"""A law of the means over a scene's population, which have the errors that were asked for.
+
+The tables of the law are those of one surface whose answers are the means. Their band is the error
+of the means, not the scatter of the surfaces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bem.budget import ErrorParts
+from gen.arrays import Values
+from gen.law.contact_law import (
+    Law,
+    Making,
+    Tables,
+    bodies_of,
+    law_of,
+    table_of,
+    with_contacts_between,
+)
+from gen.law.curves import APART, Points, risen
+from gen.law.multilevel import PILOT, Level, Means, Planner, means_of
+from gen.law.order import ARGUMENTS, Load, Order
+from gen.law.population import (
+    ANSWERS_IN_LAWS,
+    Layout,
+    PopulationSearch,
+    SampledGrid,
+    Sampler,
+    Stopping,
+    refuse_unsuitable,
+    tolerance_for,
+    worst_errors,
+)
+from gen.law.solver import BETWEEN, NOT_SOLVED, SolvedLoads, ends_below
+from gen.law.surfaces import read_law_surfaces, scene_as_input, scene_of
+from gen.quantities import DELTA, IN_LAWS, LOADS
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import RunProgress
+
+BAND = (
+    "the error of the mean, kept 95 times in 100: for the number of surfaces, the grid, dropped"
+    " waves and the solver"
+)
+"""Description of the band of a law of means."""
+
+
+@dataclass(frozen=True)
+class MeanErrorParts(ErrorParts):
+    """Relative error of a mean, kept with a probability of 95 %, by its causes.
+
+    Attributes
+    ----------
+    surfaces : float
+        Error for the finite number of surfaces [1].
+    """
+
+    surfaces: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of the squares of all parts [1]."""
+        return math.hypot(super().total, self.surfaces)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorsOfTable:
+    """Means under the loads of a table, and the parts of their errors at 95 %.
+
+    Attributes
+    ----------
+    at : ndarray, shape (k,)
+        Ascending loads [um or MPa].
+    means : mapping of str to Means
+        Means and absolute errors, (k,), by the names of the quantities in laws and in their units.
+    """
+
+    at: Values
+    means: Mapping[str, Means]
+
+    def parts(
+        self, load: float, errors: Mapping[str, float]
+    ) -> Iterator[tuple[str, MeanErrorParts]]:
+        """Yield the relative errors of the answers that were asked for, under a load.
+
+        Parameters
+        ----------
+        load : float
+            The load, one of `at` [um or MPa].
+        errors : mapping of str to float
+            Errors that were asked for, by the names of the answers [1].
+
+        Yields
+        ------
+        name : str
+            Name of the answer.
+        parts : MeanErrorParts
+            Its error.
+        """
+        places = np.flatnonzero(self.at == load)
+        if not places.size:
+            return
+        place = int(places[0])
+        for name, asked_error in errors.items():
+            means = self.means[ANSWERS_IN_LAWS[name].in_laws]
+            value = abs(float(means.mean[place]))
+            if value == 0 or not math.isfinite(value):
+                continue
+            yield (
+                name,
+                MeanErrorParts(
+                    asked_error=asked_error,
+                    grid=float(means.grid[place]) / value,
+                    waves=float(means.waves[place]) / value,
+                    solver=float(means.solver[place]) / value,
+                    surfaces=float(means.surfaces[place]) / value,
+                ),
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMeans:
+    """How the means of a law were sampled, and their errors.
+
+    Attributes
+    ----------
+    asked_errors : mapping of str to float
+        Largest relative errors at 95 % that were asked for, by the names of the answers [1].
+    tables : mapping of str to ErrorsOfTable
+        Errors of both tables, by the kind of their loads.
+    grids : sequence of SampledGrid
+        Grids with their surfaces, from the coarsest one.
+    nodes : tuple of int
+        Nodes (nx, ny) of the grid of the scene.
+    is_met : bool
+        Whether all errors are met. They are not if the sampling had to stop.
+    left : sequence of str
+        The largest error of each answer over the loads, with its parts, one line each.
+    """
+
+    asked_errors: Mapping[str, float]
+    tables: Mapping[Load, ErrorsOfTable]
+    grids: Sequence[SampledGrid]
+    nodes: tuple[int, int]
+    is_met: bool
+    left: Sequence[str]
+
+    @property
+    def convolutions(self) -> float:
+        """Convolutions of all contacts, in convolutions on the grid of the scene [1]."""
+        return sum(grid.convolutions for grid in self.grids)
+
+    @property
+    def grids_in_words(self) -> str:
+        """The number of surfaces on each grid, and the work."""
+        texts = []
+        for grid in self.grids:
+            text = f"{len(grid.surfaces)} on {grid.nodes[0]} x {grid.nodes[1]} nodes"
+            if not grid.is_counted:
+                text += " (not worth more, left out)"
+            texts.append(text)
+        return (
+            f"surfaces: {', '.join(texts)}; work of {self.convolutions:.4g} convolutions on"
+            f" {self.nodes[0]} x {self.nodes[1]} nodes"
+        )
+
+
+def by_means(
+    order: Order, loads: Mapping[Load, Values], stopping: Stopping | None = None
+) -> Law:
+    """Make a law of the means over a scene's population.
+
+    Parameters
+    ----------
+    order : Order
+        The request, with the errors of the means in the tables that it requests.
+    loads : mapping of str to ndarray
+        Loads of the order by their kind, one or both [um or MPa].
+    stopping : callable, optional
+        Function that tells whether to stop before the errors are met.
+
+    Returns
+    -------
+    Law
+        The law, with `sampled`.
+
+    Raises
+    ------
+    InputError
+        If the input is no single scene, or the scene, a load or an error cannot be used; if the
+        errors are not reachable; or if no load was solved on every surface.
+    """
+    errors = dict(order.errors or {})
+    scene_text = _only_scene(order)
+    order = replace(
+        order,
+        grid_error=order.grid_error or "area" in errors,
+        stiffness=order.stiffness or "stiffness" in errors,
+    )
+    subjects = read_law_surfaces(replace(order, surfaces=PILOT))
+    scene = subjects.inputs[0].scene
+    assert scene is not None  # `_only_scene` has refused other inputs
+    bodies = bodies_of(order, subjects)
+    order.refuse_impossible(bodies.hardness)
+    sampler = Sampler(
+        order=order,
+        scene=scene,
+        text=scene_text,
+        bodies=bodies,
+        layout=Layout(order.quantities, loads),
+        tolerance=tolerance_for(errors),
+    )
+    refuse_unsuitable(sampler, subjects.surfaces)
+    layout = _with_other_table(sampler)
+    asked = layout.asked(errors, tuple(loads))
+    search = PopulationSearch(
+        sampler=replace(sampler, layout=layout),
+        planner=Planner(asked, sampler.tolerance),
+        stopping=stopping or (lambda: False),
+    )
+    search.run()
+    means = search.means
+    worst = worst_errors(layout, means, asked)
+    sampled = SampledMeans(
+        asked_errors=errors,
+        tables={load: _errors_of_table(layout, means, load) for load in layout.loads},
+        grids=search.sampled_grids,
+        nodes=sampler.shape,
+        is_met=all(error.total <= error.asked_error for error in worst),
+        left=[error.text for error in worst],
+    )
+    number = search.next_surface
+    about = scene_as_input(scene, scene_text, f"the means of its first {number} surfaces")
+    tables = _tables(search, means, tuple(loads))
+    making = Making(method="means by multilevel Monte Carlo", band=BAND)
+    law = law_of(
+        order=order,
+        subjects=replace(subjects, surfaces=subjects.surfaces[:1], inputs=[about]),
+        bodies=bodies,
+        tables=replace(tables, remarks=[*_remarks(sampled), *tables.remarks]),
+        making=making,
+    )
+    law = replace(law, sampled=sampled)
+    if not order.between or search.stopped:
+        return law
+    return with_contacts_between(law, MeansSolver(order, search))
+
+
+def _only_scene(order: Order) -> str:
+    """Return the input of an order that is a single scene. Raises InputError if it is not."""
+    scenes = [text for text in order.inputs if scene_of(text, ready=False) is not None]
+    if len(scenes) != len(order.inputs):
+        raise InputError(
+            "--error: the means of a population need a scene or a database; for maps use"
+            " gen contact --error"
+        )
+    if len(scenes) > 1:
+        raise InputError(f"--error: {len(scenes)} scenes given: give one")
+    return scenes[0]
+
+
+def _with_other_table(sampler: Sampler) -> Layout:
+    """Return a layout with the loads of the table for which the order gives none.
+
+    These are the means of its argument under the loads of the other table, over the first surfaces
+    on the coarsest grid. There are none if the order leaves this table out.
+    """
+    layout = sampler.layout
+    missing = [load for load in ARGUMENTS if load not in layout.loads]
+    if not missing:
+        return layout
+    [load] = missing
+    [given] = layout.loads
+    if not sampler.order.both_tables:
+        return Layout(layout.quantities, {**layout.loads, load: np.empty(0)})
+    coarsest = sampler.nested_grids()[0]
+    level = Level(coarsest)
+    for number in range(PILOT):
+        level.samples.append(sampler.sample(number, coarsest, None))
+    sampler.doubts.clear()  # the first surfaces are solved again, on all grids
+    row = layout.quantities.index(IN_LAWS[ARGUMENTS[load]])
+    mean = layout.by_quantity(level.values.mean(axis=0))[row, layout.places(given)]
+    means = np.sort(mean[np.isfinite(mean)])
+    means = means[risen(means)]
+    if load == "pressure" and sampler.bodies.hardness is not None:
+        means = means[means < (1 - APART) * sampler.bodies.hardness]
+    return Layout(layout.quantities, {**layout.loads, load: means})
+
+
+def _errors_of_table(layout: Layout, means: Means, load: Load) -> ErrorsOfTable:
+    """Return the means under the loads of a table, with their errors."""
+    places = layout.places(load)
+    by_name: dict[str, Means] = {}
+    for row, quantity in enumerate(layout.quantities):
+
+        def at_loads(part: Values, row: int = row) -> Values:
+            """Return the numbers of a quantity at the loads of the table."""
+            return layout.by_quantity(part)[row, places]
+
+        by_name[quantity.in_laws] = Means(
+            mean=at_loads(means.mean),
+            standard_error=at_loads(means.standard_error),
+            surfaces=at_loads(means.surfaces),
+            grid=at_loads(means.grid),
+            waves=at_loads(means.waves),
+            solver=at_loads(means.solver),
+        )
+    return ErrorsOfTable(layout.loads[load], by_name)
+
+
+def _remarks(sampled: SampledMeans) -> list[str]:
+    """Return lines about the errors and the numbers of surfaces."""
+    lines = [*sampled.left, sampled.grids_in_words]
+    if not sampled.is_met:
+        lines.insert(
+            0, "warning: stopped before the errors were met; what is left of them:"
+        )
+    return lines
+
+
+def _tables(
+    search: PopulationSearch, means: Means, requested: tuple[Load, ...]
+) -> Tables:
+    """Tabulate means against Delta and against pressure, and say which loads are left out.
+
+    Raises InputError if a requested table has no load that was solved on every surface.
+    """
+    sampler = search.sampler
+    layout = sampler.layout
+    rest = layout.by_quantity(means.mean)[:, 0]
+    at_rest = {
+        quantity.in_laws: float(value)
+        for quantity, value in zip(layout.quantities, rest, strict=True)
+        if quantity.at_rest is not None
+    }
+    remarks: list[str] = []
+    if sampler.doubts:
+        remarks.append(f"warning: {sampler.doubts[0]}")
+    tables = {}
+    for load in ARGUMENTS:
+        solved = _solved_loads(sampler, means, load)
+        if load in requested and not solved.loads.size:
+            raise InputError(f"no load was solved on every surface; {solved.remarks[0]}")
+        remarks += solved.remarks
+        from_rest = load == "delta" or load not in requested
+        tables[load] = table_of(
+            load, solved, [at_rest], sampler.order, from_rest=from_rest
+        )
+    return Tables(
+        over_delta=tables["delta"], over_pressure=tables["pressure"], remarks=remarks
+    )
+
+
+def _solved_loads(sampler: Sampler, means: Means, load: Load) -> SolvedLoads:
+    """Return means as the contacts of one surface, under the loads solved on every surface."""
+    layout = sampler.layout
+    places = layout.places(load)
+    loads = layout.loads[load]
+    total = means.total
+    values: dict[str, Values] = {}
+    low: dict[str, Values] = {}
+    high: dict[str, Values] = {}
+    for row, quantity in enumerate(layout.quantities):
+        name = quantity.in_laws
+        mean = layout.by_quantity(means.mean)[row, places].copy()
+        reach = layout.by_quantity(total)[row, places]
+        reach = np.where(np.isfinite(reach), reach, np.nan)
+        values[name] = mean
+        low[name] = np.clip(mean - reach, *quantity.bounds)
+        high[name] = np.clip(mean + reach, *quantity.bounds)
+    kept = np.isfinite(values[DELTA.in_laws])
+    for name, mean in values.items():
+        if IN_LAWS[name].diverges:  # infinite as soon as one surface is in full contact
+            mean[kept & ~np.isfinite(mean)] = math.inf
+        else:
+            kept &= np.isfinite(mean)
+    points = Points(
+        values=values,
+        low=low,
+        high=high,
+        reasons=("",) * loads.size,
+        unresolved=("",) * loads.size,
+    )
+    return SolvedLoads(
+        loads=loads[kept],
+        points=[points.chosen(kept)],
+        remarks=_left_out(sampler, load, ~kept),
+    )
+
+
+def _left_out(sampler: Sampler, load: Load, left_out: NDArray[np.bool_]) -> list[str]:
+    """Say why loads are left out of a table, in a line for full contact and one for each fault."""
+    lines: list[str] = []
+    loads = sampler.layout.loads[load]
+    if load == "delta" and (loads[left_out] >= sampler.full_contact).any():
+        lines.append(ends_below(sampler.full_contact))
+    for place in np.flatnonzero(left_out).tolist():
+        fault = sampler.faults.get((load, place))
+        if fault:
+            text = f"{loads[place]:.4g} {LOADS[load].unit}"
+            lines.append(f"{NOT_SOLVED} on a surface, left out: {text}: {fault}")
+    return lines
+
+
+@dataclass(frozen=True, eq=False)
+class MeansSolver:
+    """The solver of the same surfaces on the same grids under further loads.
+
+    Attributes
+    ----------
+    order : Order
+        The request, with the quantities of the contacts.
+    search : PopulationSearch
+        The sampling, which has ended.
+    """
+
+    order: Order
+    search: PopulationSearch
+
+    @property
+    def has_one_surface(self) -> bool:
+        """False: means at given pressures are no means at given Deltas."""
+        return False
+
+    def for_loads_between(self, order: Order) -> Self:
+        """Return a solver of contacts between the loads of a law.
+
+        Parameters
+        ----------
+        order : Order
+            The request, with the quantities of these contacts.
+
+        Returns
+        -------
+        MeansSolver
+            The solver.
+        """
+        return replace(self, order=order)
+
+    def solve_some(self, load: Load, loads: Values) -> SolvedLoads:
+        """Solve all surfaces under loads, and return their means as contacts of one surface.
+
+        Parameters
+        ----------
+        load : {"delta", "pressure"}
+            Kind of the loads.
+        loads : ndarray, shape (k,)
+            Ascending loads [um or MPa].
+
+        Returns
+        -------
+        SolvedLoads
+            Means under the loads that were solved on every surface.
+        """
+        search = self.search
+        sampler = replace(
+            search.sampler,
+            order=self.order,
+            layout=Layout(self.order.quantities, {load: loads}),
+            full_contact=math.inf,
+            faults={},
+        )
+        grids = [grid for grid in search.sampled_grids if grid.is_counted]
+        levels: list[Level] = []
+        total = sum(len(grid.surfaces) for grid in grids)
+        with RunProgress(total, f"surfaces {BETWEEN[load]}") as progress:
+            for number, grid in enumerate(grids):
+                coarser = grids[number - 1].nodes if number else None
+                level = Level(grid.nodes)
+                for surface in grid.surfaces:
+                    level.samples.append(sampler.sample(surface, grid.nodes, coarser))
+                    progress.advance(rows=1)
+                levels.append(level)
+        means = means_of(levels, sampler.tolerance)
+        return _solved_loads(sampler, means, load)

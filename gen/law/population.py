@@ -1,0 +1,683 @@
+"""The population of a scene, sampled on nested grids until the means of a law are within errors.
+
+Each surface of the scene is made on its own grid and read on coarser ones of the same patch, with
+the waves that these have and with its own datum (`bem.coarsening`). Samples are taken and judged as
+`gen.law.multilevel` says. Surfaces are numbered as in a database of the scene, and each number is
+used once. Which surfaces are taken follows from their answers and from numbers of convolutions,
+never from times: the same command takes the same surfaces everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bem import NotConverged
+from bem.accuracy import LOOSEST, OF_TOLERANCE, on_coarser_map, work
+from bem.coarsening import LINES, Coarsening
+from bem.derived.grid_error import LEAST_ORDER, slope_order
+from bem.problem import NoSolution, Problem, under_load
+from bem.solving import solve_posed
+from gen.arrays import Values
+from gen.doubts import Pressed, contact_doubts
+from gen.law.multilevel import (
+    PILOT,
+    Completion,
+    Level,
+    Means,
+    Planner,
+    Refinement,
+    Sample,
+    Sampling,
+    Unreachable,
+    means_of,
+)
+from gen.law.order import Load, Order
+from gen.law.surfaces import LawSurface, surfaces_of_scene
+from gen.material import Bodies
+from gen.quantities import CONTINUUM, DELTA, FORCE, LOADS, MEAN_GAP, STIFFNESS, Quantity
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import RunProgress
+
+if TYPE_CHECKING:
+    from gen.scene import Scene
+
+FEWEST_NODES = 16
+"""Fewest nodes along an axis of a grid that is sampled."""
+
+FIRST_LEVELS = 3
+"""Number of grids that are sampled before a finer one is taken only if it is needed."""
+
+FEWEST_OF_MANY = 32
+"""Fewest nodes along an axis where more than `FIRST_LEVELS` grids have as many: contacts on smaller
+grids take hardly less time."""
+
+OF_SURFACE = 2.0
+"""Cost of making a surface and reading it on coarser grids, in convolutions on the grid of the
+scene [1]. Measured on spectral surfaces of 257 and 513 nodes a side."""
+
+OF_CONTACT = work((256, 256))
+"""Cost of a contact on any grid besides its convolutions, in the unit of `bem.accuracy.work`: a
+contact on 17 nodes a side takes as long as one convolution on 256."""
+
+ANSWERS_IN_LAWS: dict[str, Quantity] = {
+    "area": CONTINUUM,
+    "mean_gap": MEAN_GAP,
+    "stiffness": STIFFNESS,
+    "delta": DELTA,
+    "force": FORCE,
+}
+"""Quantities of laws by the names of the answers that have an error, `bem.accuracy.ANSWERS`."""
+
+Stopping = Callable[[], bool]
+"""Function that tells whether to stop before the errors are met."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The order of the answers of a sample: quantities at first touch, then under each load.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+        Quantities that are read off each contact.
+    loads : mapping of str to ndarray
+        Ascending loads of each table, (k,), by their kind [um or MPa].
+    """
+
+    quantities: tuple[Quantity, ...]
+    loads: Mapping[Load, Values]
+
+    @property
+    def columns(self) -> int:
+        """Number of first touch and all loads together."""
+        return 1 + sum(loads.size for loads in self.loads.values())
+
+    def places(self, load: Load) -> slice:
+        """Return the columns of the loads of a table.
+
+        Parameters
+        ----------
+        load : {"delta", "pressure"}
+            Kind of the loads.
+
+        Returns
+        -------
+        slice
+            Columns of an array of shape (quantities, columns).
+        """
+        first = 1
+        for kind, loads in self.loads.items():
+            if kind == load:
+                return slice(first, first + loads.size)
+            first += loads.size
+        raise KeyError(load)
+
+    def by_quantity(self, answers: Values) -> Values:
+        """Return answers (m,) as an array of shape (quantities, columns).
+
+        Parameters
+        ----------
+        answers : ndarray, shape (m,)
+            Numbers in the order of this layout.
+
+        Returns
+        -------
+        ndarray, shape (quantities, columns)
+            The same numbers.
+        """
+        return answers.reshape(len(self.quantities), self.columns)
+
+    def asked(self, errors: Mapping[str, float], requested: tuple[Load, ...]) -> Values:
+        """Return the largest relative error of each answer.
+
+        Parameters
+        ----------
+        errors : mapping of str to float
+            Errors by the names of the answers in `ANSWERS_IN_LAWS` [1].
+        requested : tuple of str
+            Kinds of the loads whose tables have these errors.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            The errors, infinite for answers that may have any. A load of 0 is exact.
+        """
+        asked = np.full((len(self.quantities), self.columns), math.inf)
+        for name, error in errors.items():
+            row = self.quantities.index(ANSWERS_IN_LAWS[name])
+            for load in requested:
+                asked[row, self.places(load)] = np.where(
+                    self.loads[load] > 0, error, math.inf
+                )
+        return asked.ravel()
+
+
+@dataclass(eq=False)
+class Sampler:
+    """The solver of the surfaces of a scene on nested grids.
+
+    Attributes
+    ----------
+    order : Order
+        The request for the law.
+    scene : Scene
+        The scene, with the boundary of the law.
+    text : str
+        Input that names the scene.
+    bodies : Bodies
+        Material of the bodies.
+    layout : Layout
+        Loads and quantities.
+    tolerance : float
+        Tolerance of the solver [Delta].
+    full_contact : float
+        Smallest displacement of full contact of the surfaces that were solved beyond it [um].
+    faults : dict
+        The first reason why a contact was not solved, by kind and number of its load.
+    doubts : list of str
+        First doubts about the contacts of the first surfaces.
+    """
+
+    order: Order
+    scene: Scene
+    text: str
+    bodies: Bodies
+    layout: Layout
+    tolerance: float
+    full_contact: float = math.inf
+    faults: dict[tuple[Load, int], str] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Nodes (nx, ny) of the grid of the scene."""
+        return self.scene.grid.shape
+
+    def nested_grids(self) -> list[tuple[int, int]]:
+        """Return the grids, from the coarsest one to that of the scene.
+
+        Returns
+        -------
+        list of tuple of int
+            Nodes (mx, my); each grid has half of the nodes a side of the next one.
+        """
+        nodes = self.shape
+        grids = [nodes]
+        while min(nodes) >= 2 * FEWEST_NODES - 1:
+            nodes = (nodes[0] + 1) // 2, (nodes[1] + 1) // 2
+            if len(grids) >= FIRST_LEVELS and min(nodes) < FEWEST_OF_MANY:
+                break
+            grids.append(nodes)
+        return grids[::-1]
+
+    def surface(self, number: int) -> LawSurface:
+        """Make a surface of the scene.
+
+        Parameters
+        ----------
+        number : int
+            Index of the surface, as in a database of the scene.
+
+        Returns
+        -------
+        LawSurface
+            The surface.
+        """
+        [surface] = surfaces_of_scene(self.scene, self.text, range(number, number + 1))
+        return surface
+
+    def posed(self, surface: LawSurface) -> Problem:
+        """Pose the contact of a surface at first touch, with the bodies and the tolerance.
+
+        Parameters
+        ----------
+        surface : LawSurface
+            The surface.
+
+        Returns
+        -------
+        Problem
+            The problem with a datum, so that the cells of all grids cover the same patch.
+        """
+        return replace(
+            surface.posed(self.bodies.e_star),
+            hardness=self.bodies.hardness,
+            rtol=self.tolerance,
+            max_iterations=self.scene.contact.max_iterations,
+            datum=0.0,
+        )
+
+    def sample(
+        self, number: int, nodes: tuple[int, int], coarser: tuple[int, int] | None
+    ) -> Sample:
+        """Solve a surface on a grid, and on the next coarser one.
+
+        Parameters
+        ----------
+        number : int
+            Index of the surface.
+        nodes : tuple of int
+            Nodes (mx, my) of the grid.
+        coarser : tuple of int or None
+            Nodes of the coarser grid; None to leave it out.
+
+        Returns
+        -------
+        Sample
+            The answers on both grids.
+        """
+        surface = self.surface(number)
+        problem = self.posed(surface)
+        coarsening = Coarsening(problem.heights, problem.boundary, problem.aspect)
+        at_rest = self._at_rest(problem)
+        first_touch = coarsening.on(nodes)
+        on_grid = on_coarser_map(problem, first_touch)
+        pressed: list[Pressed] = []
+        values, convolutions = self._answers(on_grid, at_rest, pressed)
+        cost = OF_SURFACE + convolutions + self.cost_of_contacts
+        coarser_values: Values | None = None
+        coarser_cost = 0.0
+        if coarser is not None:
+            on_coarser = on_coarser_map(problem, coarsening.on(coarser))
+            coarser_values, further = self._answers(on_coarser, at_rest, [])
+            convolutions += further
+            coarser_cost = further + self.cost_of_contacts
+        if number < PILOT and pressed:
+            load = self.order.requested[0]
+            self.doubts += contact_doubts(surface.heights, self.bodies, load, pressed)[:1]
+        return Sample(
+            values=values,
+            coarser_values=coarser_values,
+            waves_dropped=first_touch.dropped,
+            slope_order=slope_order(on_grid.heights, problem.boundary, lines=LINES),
+            cost=cost,
+            coarser_cost=coarser_cost,
+            convolutions=convolutions,
+        )
+
+    @property
+    def cost_of_contacts(self) -> float:
+        """Cost of the contacts under all loads besides their convolutions, in the same unit."""
+        return (self.layout.columns - 1) * OF_CONTACT / work(self.shape)
+
+    def _at_rest(self, problem: Problem) -> Values:
+        """Return all quantities at first touch, (quantities,)."""
+        try:
+            return np.array(
+                [
+                    quantity.resting(problem, self.order.media)
+                    for quantity in self.layout.quantities
+                ]
+            )
+        except (ValueError, ArithmeticError) as error:
+            raise InputError(f"{self.text}: {error}") from None
+
+    def _answers(
+        self, problem: Problem, at_rest: Values, pressed: list[Pressed]
+    ) -> tuple[Values, float]:
+        """Solve a problem under all loads; return the answers, (m,), and the convolutions.
+
+        These are in convolutions on the grid of the scene. `pressed` takes the contacts in.
+        Answers are NaN under a load that has no solution, or is not solved.
+        """
+        layout = self.layout
+        answers = np.full((len(layout.quantities), layout.columns), np.nan)
+        answers[:, 0] = at_rest
+        convolutions = 0.0
+        for kind, loads in layout.loads.items():
+            first = layout.places(kind).start
+            for place, value in enumerate(loads.tolist()):
+                try:
+                    loaded = _under(problem, kind, value)
+                    contact = solve_posed(loaded)
+                    convolutions += contact.convolutions
+                    answers[:, first + place] = [
+                        quantity.in_law(contact, self.order.media)
+                        for quantity in layout.quantities
+                    ]
+                except NoSolution:
+                    full = problem.datum_height - float(problem.heights.mean())
+                    self.full_contact = min(self.full_contact, full)
+                    continue
+                except ArithmeticError as error:
+                    if isinstance(error, NotConverged):
+                        convolutions += error.contact.convolutions
+                    self.faults.setdefault((kind, place), str(error))
+                    continue
+                pressed.append(
+                    Pressed(
+                        delta=contact.delta,
+                        largest_pressure=contact.largest_pressure,
+                        is_full=contact.contact_nodes == contact.pressure.size,
+                    )
+                )
+        share = work(problem.heights.shape) / work(self.shape)
+        return answers.ravel(), convolutions * share
+
+
+def _under(problem: Problem, kind: Load, value: float) -> Problem:
+    """Return a problem under a load [um or MPa]."""
+    if kind == "delta":
+        return under_load(problem, value)
+    return under_load(problem, None, pressure=value)
+
+
+@dataclass(frozen=True)
+class SampledGrid:
+    """A grid of a law of means, and its surfaces.
+
+    Attributes
+    ----------
+    nodes : tuple of int
+        Nodes (mx, my).
+    surfaces : tuple of int
+        Indices of the surfaces that were solved on it.
+    is_counted : bool
+        False if the grid was found not to be worth its samples, and is not in the means.
+    convolutions : float
+        Convolutions of its contacts, in convolutions on the grid of the scene [1].
+    """
+
+    nodes: tuple[int, int]
+    surfaces: tuple[int, ...]
+    is_counted: bool
+    convolutions: float
+
+
+class PopulationSearch:
+    """The sampling of a population until means have the errors that are asked for.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Solver of the surfaces.
+    planner : Planner
+        Choice of grids and numbers of surfaces.
+    stopping : callable
+        Function that tells whether to stop.
+    """
+
+    def __init__(self, sampler: Sampler, planner: Planner, stopping: Stopping) -> None:
+        self.sampler = sampler
+        self.planner = planner
+        self.stopping = stopping
+        self.grids = sampler.nested_grids()
+        self.levels: list[Level] = []
+        self.surfaces: list[list[int]] = []  # indices of the surfaces of each level
+        self.coarsest = 0  # index of the coarsest level that is in the means
+        self.stopped = False
+
+    @property
+    def next_surface(self) -> int:
+        """Index of the first surface that is not used yet."""
+        return sum(map(len, self.surfaces))
+
+    @property
+    def means(self) -> Means:
+        """The means from all samples that there are."""
+        return means_of(self.counted_levels, self.planner.tolerance)
+
+    @property
+    def counted_levels(self) -> list[Level]:
+        """The levels that are in the means. A last one with too few surfaces is left out."""
+        levels = self.levels[self.coarsest :]
+        while len(levels) > 1 and levels[-1].number < 2:
+            levels.pop()
+        return levels
+
+    @property
+    def sampled_grids(self) -> list[SampledGrid]:
+        """All grids with their surfaces."""
+        counted = self.counted_levels
+        return [
+            SampledGrid(
+                nodes=level.nodes,
+                surfaces=tuple(surfaces),
+                is_counted=level in counted,
+                convolutions=level.convolutions,
+            )
+            for level, surfaces in zip(self.levels, self.surfaces, strict=True)
+            if level.samples
+        ]
+
+    def run(self) -> None:
+        """Sample the population until the errors are met, or until it has to stop.
+
+        Raises
+        ------
+        InputError
+            If the errors are not reachable on the grid of the scene, or if it had to stop before
+            two surfaces were solved.
+        """
+        with RunProgress(PILOT, "surfaces") as progress:
+            for _ in range(min(FIRST_LEVELS, len(self.grids))):
+                self._refine(progress)
+            while not self._must_stop():
+                step = self.planner.next_step(
+                    self.levels[self.coarsest :], self._cost_of_finer()
+                )
+                match step:
+                    case Completion():
+                        break
+                    case Refinement():
+                        self._refine(progress)
+                    case Sampling():
+                        self.coarsest += step.coarsest
+                        self._sample_more(step, progress)
+                    case Unreachable():
+                        raise InputError(self._unreachable(step))
+        if self.levels[0].number < 2:
+            raise InputError(
+                "stopped before two surfaces were solved: there are no means"
+            )
+
+    def _must_stop(self) -> bool:
+        """Return whether to stop, and note it."""
+        self.stopped = self.stopped or self.stopping()
+        return self.stopped
+
+    def _refine(self, progress: RunProgress) -> None:
+        """Take the next finer grid, and solve the first surfaces on it."""
+        self.levels.append(Level(self.grids[len(self.levels)]))
+        self.surfaces.append([])
+        number = len(self.levels) - 1
+        progress.expect(self.next_surface + PILOT)
+        self._sample(number, PILOT, progress)
+
+    def _sample_more(self, step: Sampling, progress: RunProgress) -> None:
+        """Solve more surfaces on all grids, as a step says, beginning with the coarsest."""
+        counts = dict(enumerate(step.numbers, self.coarsest))
+        more = {
+            level: max(count - self.levels[level].number, 0)
+            for level, count in counts.items()
+        }
+        progress.expect(self.next_surface + sum(more.values()))
+        for level, number in more.items():
+            self._sample(level, number, progress)
+
+    def _sample(self, number: int, surfaces: int, progress: RunProgress) -> None:
+        """Solve some further surfaces on a level by its number, unless it has to stop."""
+        level = self.levels[number]
+        coarser = self.grids[number - 1] if number > self.coarsest else None
+        for _ in range(surfaces):
+            if self._must_stop():
+                return
+            index = self.next_surface
+            level.samples.append(self.sampler.sample(index, level.nodes, coarser))
+            self.surfaces[number].append(index)
+            progress.advance(rows=1)
+
+    def _cost_of_finer(self) -> float | None:
+        """Return the expected cost of a sample on the next finer grid; None if there is none.
+
+        It takes as many convolutions as on the finest grid that there is.
+        """
+        if len(self.levels) == len(self.grids):
+            return None
+        finest = self.levels[-1]
+        same = OF_SURFACE + self.sampler.cost_of_contacts
+        ratio = work(self.grids[len(self.levels)]) / work(finest.nodes)
+        return finest.cost + same + ratio * max(finest.cost - same, 0.0)
+
+    def _unreachable(self, step: Unreachable) -> str:
+        """Say which errors are not reachable, what the best ones are, and what helps."""
+        rows, columns = self.sampler.shape
+        worst = worst_errors(self.sampler.layout, self.means, self.planner.asked)
+        unmet = [error.text for error in worst if error.bias > error.asked_error]
+        return (
+            f"{self.sampler.text}: not reachable on the {rows} x {columns} nodes of the scene,"
+            f" however many surfaces: {'; '.join(unmet or [error.text for error in worst])}: ask"
+            " for no less, or give the scene more nodes"
+        )
+
+
+@dataclass(frozen=True)
+class WorstError:
+    """The largest error of an answer over the loads of a law, over the one that was asked for."""
+
+    text: str  # in words, with its parts
+    asked_error: float  # [1]
+    total: float  # relative error [1]
+    bias: float  # relative error without that of the number of surfaces [1]
+
+
+def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError]:
+    """Return the largest error of each answer that was asked for.
+
+    Parameters
+    ----------
+    layout : Layout
+        Order of the answers.
+    means : Means
+        Means and their errors.
+    asked : ndarray, shape (m,)
+        Largest relative errors, see `Layout.asked` [1].
+
+    Returns
+    -------
+    list of WorstError
+        One for each answer that has an error at a load.
+    """
+    largest = layout.by_quantity(asked)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = {
+            name: layout.by_quantity(part / np.abs(means.mean))
+            for name, part in (
+                ("surfaces", means.surfaces),
+                ("grid", means.grid),
+                ("dropped waves", means.waves),
+                ("solver", means.solver),
+                ("total", means.total),
+                ("bias", means.bias),
+            )
+        }
+    names = {quantity: name for name, quantity in ANSWERS_IN_LAWS.items()}
+    errors: list[WorstError] = []
+    for row, quantity in enumerate(layout.quantities):
+        known = np.isfinite(largest[row]) & ~np.isnan(relative["total"][row])
+        if not known.any():
+            continue
+        ratios = np.full(known.size, -1.0)
+        ratios[known] = relative["total"][row][known] / largest[row][known]
+        place = int(ratios.argmax())
+        parts = ", ".join(
+            f"{name} {100 * relative[name][row, place]:.2g} %"
+            for name in ("surfaces", "grid", "dropped waves", "solver")
+        )
+        total = float(relative["total"][row, place])
+        asked_error = float(largest[row, place])
+        text = (
+            f"{names[quantity]} within {100 * total:.2g} % of {100 * asked_error:.2g} % asked, at"
+            f" {_load_at(layout, place)} ({parts})"
+        )
+        bias = float(relative["bias"][row, place])
+        errors.append(WorstError(text, asked_error, total, bias))
+    return errors
+
+
+def _load_at(layout: Layout, place: int) -> str:
+    """Write the load of a column of a layout with its unit."""
+    for kind, loads in layout.loads.items():
+        places = layout.places(kind)
+        if places.start <= place < places.stop:
+            return f"{loads[place - places.start]:.4g} {LOADS[kind].unit}"
+    return "first touch"
+
+
+def tolerance_for(errors: Mapping[str, float]) -> float:
+    """Return the tolerance of the solver for some errors.
+
+    Parameters
+    ----------
+    errors : mapping of str to float
+        Largest relative errors of answers [1].
+
+    Returns
+    -------
+    float
+        The tolerance [Delta].
+    """
+    return min(OF_TOLERANCE * min(errors.values()), LOOSEST)
+
+
+def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
+    """Refuse a scene whose means cannot have an error, before anything is solved.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Solver of the surfaces.
+    surfaces : sequence of LawSurface
+        The first surfaces of the scene.
+
+    Raises
+    ------
+    InputError
+        If contacts of the scene belong to their grid, a load is not allowed, the surfaces have too
+        few nodes, or their waves go on down to the grid.
+    """
+    contact = sampler.scene.contact
+    for key, allowed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
+        value = getattr(contact, key)
+        if value != allowed:
+            raise InputError(
+                f"{sampler.text}: contact.{key} = {value!r}: with --error use {allowed!r},"
+                " because answers of the other one belong to their grid"
+            )
+    rows, columns = sampler.shape
+    if len(sampler.nested_grids()) < 2:
+        raise InputError(
+            f"{sampler.text}: {rows} x {columns} nodes: --error needs {2 * FEWEST_NODES - 1}"
+            " nodes a side or more, because coarser grids tell the error"
+        )
+    problems = [sampler.posed(surface) for surface in surfaces]
+    _refuse_loads(sampler, problems[0])
+    orders = [
+        slope_order(problem.heights, problem.boundary, lines=LINES)
+        for problem in problems
+    ]
+    if float(np.median(orders)) < LEAST_ORDER:
+        raise InputError(
+            f"{sampler.text}: waves go on down to the grid, so that the area of contact has no"
+            " limit and no error can be promised: give a scene whose shortest wave has 8 nodes or"
+            " more, as generator = 'spectral' with a cut_off"
+        )
+
+
+def _refuse_loads(sampler: Sampler, problem: Problem) -> None:
+    """Refuse loads that no surface can have; a displacement of full contact is no such load."""
+    for kind, loads in sampler.layout.loads.items():
+        for value in loads.tolist():
+            try:
+                _under(problem, kind, value)
+            except NoSolution as error:
+                if kind == "delta":
+                    continue
+                raise InputError(f"{sampler.text}: {error}") from None
+            except ValueError as error:
+                raise InputError(f"{sampler.text}: {error}") from None
