@@ -31,7 +31,7 @@ from gen.generation.completion import completed
 from gen.generation.sample import absolute_load, solve_contact, surface_numbered
 from gen.generators.function import PythonSurface
 from gen.generators.scans import ScanSurface
-from gen.quantities import DELTA, FORCE, QUANTITIES, USUAL, stored_quantities
+from gen.quantities import DELTA, FORCE, MEAN_GAP, QUANTITIES, USUAL, stored_quantities
 from gen.runtime.errors import InputError, input_errors
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene, load
@@ -49,6 +49,9 @@ SOLVER_OUTPUTS = (
     ),
 )
 """Names of the outputs that the solver can give: columns with one number for each contact."""
+
+DIFFERENTIABLE = (FORCE.name, DELTA.name, MEAN_GAP.name)
+"""Names of the outputs of which the solver has derivatives."""
 
 STEP = 1e-4
 """Relative step of an input, in the differences that give a surrogate's gradient."""
@@ -355,8 +358,10 @@ class Function(ABC):
     ) -> Values:
         """Compute the derivatives of outputs by inputs that are cheap; all others are NaN.
 
-        The solver has the derivatives of force and Delta by the load, from one linear solve. A
-        surrogate has the derivatives of all outputs but `inside`, from differences.
+        The solver has the derivatives of force, Delta and mean gap by the load, and by parameters
+        to which all heights are proportional (`rms_height`, `rms_slope`, `sigma0`). They come from
+        linear solves, and hold as long as the contact set stays. A surrogate has the derivatives
+        of all outputs but `inside`, from differences.
 
         Parameters
         ----------
@@ -492,38 +497,35 @@ class SceneFunction(Function):
         return answers
 
     def _slopes(self, point: Points) -> Values:
-        """Return derivatives of force and Delta by the load, (outputs, inputs); others are NaN.
+        """Return derivatives of force, Delta and mean gap, (outputs, inputs); others are NaN.
 
-        The load of the call may be a pressure, or relative to the surface. It is proportional to
-        Delta or to the force, and the derivatives by it follow from those by Delta or by the force.
+        They are those by the load, and by parameters to which all heights are proportional.
         """
         with self._trusted(), _solver_errors():
             (surface,) = surfaces_of(self.scene, self.inputs, point)
-            contact = _solved(surface, 0)
-            stiffness = contact.loading_stiffness  # dF / dDelta [uN / um]
-        load = float(surface.loads[0])
-        if surface.kind == "pressure":
-            patch_area = (
-                math.prod(contact.problem.spacing) * contact.pressure.size
-            )  # [um2]
-            load *= patch_area  # the force [uN] of this pressure
-        # Derivative of Delta [um] or of the force [uN] by the load of the call. Both are
-        # proportional to it.
-        per_input = load / float(point.numbers[self.inputs.load_name][0])
-        if contact.problem.delta is None:  # The load is a force or a pressure.
-            slope_of_force = per_input
-            slope_of_delta = per_input / stiffness
-        else:
-            slope_of_delta = per_input
-            slope_of_force = stiffness * per_input
-        column = len(self.inputs.parameters)  # the load follows the parameters
-        derivatives = np.full((len(self.outputs), len(self.names)), np.nan)
-        for row, name in enumerate(self.outputs):
-            if name == DELTA.name:
-                derivatives[row, column] = slope_of_delta
-            elif name == FORCE.name:
-                derivatives[row, column] = slope_of_force
+            slopes = ContactSlopes(surface, _solved(surface, 0))
+            derivatives = np.full((len(self.outputs), len(self.names)), np.nan)
+            for row, output in enumerate(self.outputs):
+                if output not in DIFFERENTIABLE:
+                    continue
+                for column, name in enumerate(self.names):
+                    value = float(point.numbers[name][0])
+                    if name == self.inputs.load_name:
+                        derivatives[row, column] = slopes.by_load(output, value)
+                    elif self._scales_heights(name) and value != 0:
+                        derivatives[row, column] = slopes.by_scale(
+                            output, value, load_scales=self._load_is_relative(surface)
+                        )
         return derivatives
+
+    def _scales_heights(self, name: str) -> bool:
+        """Return whether all heights are proportional to an input."""
+        parameter = self.scene.surface.PARAMETERS.get(name)
+        return parameter is not None and parameter.scales_heights
+
+    def _load_is_relative(self, surface: OneSurface) -> bool:
+        """Return whether loads are given relative to the rms height or slope of a surface."""
+        return surface.kind != self.inputs.load
 
     @contextmanager
     def _trusted(self) -> Iterator[None]:
@@ -533,6 +535,97 @@ class SceneFunction(Function):
             yield
         finally:
             TRUSTED.reset(token)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSlopes:
+    """Derivatives of the answers of a contact by its load and by the scale of its heights.
+
+    Attributes
+    ----------
+    surface : OneSurface
+        The surface, at a single point.
+    contact : bem.Contact
+        Its contact at this point.
+    """
+
+    surface: OneSurface
+    contact: bem.Contact
+
+    def by_load(self, output: str, load: float) -> float:
+        """Differentiate an answer by the load of a call.
+
+        Parameters
+        ----------
+        output : str
+            One of `DIFFERENTIABLE`.
+        load : float
+            The load of the call, to which Delta or the force of the contact is proportional
+            [any unit].
+
+        Returns
+        -------
+        float
+            Derivative [unit of the output / unit of the load].
+        """
+        return self._per_load(output) * self._absolute_load / load
+
+    def by_scale(self, output: str, scale: float, *, load_scales: bool) -> float:
+        """Differentiate an answer by a parameter to which all heights are proportional.
+
+        Parameters
+        ----------
+        output : str
+            One of `DIFFERENTIABLE`.
+        scale : float
+            Value of the parameter, not 0 [any unit].
+        load_scales : bool
+            True if Delta or the force is proportional to the parameter too.
+
+        Returns
+        -------
+        float
+            Derivative [unit of the output / unit of the parameter].
+
+        Raises
+        ------
+        Unsolved
+            If the contact has no gradient, see `bem.Contact.gradient`.
+        """
+        derivative = 0.0  # of a force or Delta that is given
+        if output != self._given:
+            try:
+                by_heights = self.contact.gradient(output)
+            except ValueError as error:
+                raise Unsolved(str(error)) from None
+            derivative = float((by_heights * self.contact.problem.heights).sum()) / scale
+        if load_scales:
+            derivative += self._per_load(output) * self._absolute_load / scale
+        return derivative
+
+    @property
+    def _given(self) -> str:
+        """The answer that the load fixes: "delta" or "force"."""
+        return FORCE.name if self.contact.problem.delta is None else DELTA.name
+
+    @property
+    def _absolute_load(self) -> float:
+        """Delta [um] or the force [uN], whichever is given."""
+        return float(getattr(self.contact, self._given))
+
+    def _per_load(self, output: str) -> float:
+        """Differentiate an answer by Delta [um] or by the force [uN], whichever is given."""
+        if output == self._given:
+            return 1.0
+        stiffness = self.contact.loading_stiffness  # dF / dDelta [uN / um]
+        per_delta = stiffness
+        if output == MEAN_GAP.name:
+            per_delta = self.contact.mean_gap_slope
+        if self._given == DELTA.name:
+            return per_delta
+        if output == DELTA.name:
+            return 1 / stiffness
+        return per_delta / stiffness
 
 
 def _require_available(

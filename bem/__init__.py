@@ -7,6 +7,7 @@ from bem.accuracy import NotReachable, Surface, solve_within
 from bem.budget import Budget
 from bem.contact import Contact
 from bem.derived.grid_error import GridError
+from bem.derived.slip import PartialSlip, partial_slip
 from bem.problem import NoSolution, OutOfRange, Problem
 from bem.solving import NotConverged, ladder, solve
 from bem.threads import keep_freed_memory
@@ -21,9 +22,11 @@ __all__ = [
     "NotConverged",
     "NotReachable",
     "OutOfRange",
+    "PartialSlip",
     "Problem",
     "Surface",
     "ladder",
+    "partial_slip",
     "solve",
     "solve_within",
 ]

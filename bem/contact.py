@@ -24,6 +24,7 @@ from bem.threads import computed_once
 
 if TYPE_CHECKING:
     from bem.derived.flow import Flow
+    from bem.derived.gradient import LinearContact
 
 # Conductivities of a body that are allowed, besides infinity.
 CONDUCTIVITIES = Range(0, LARGEST, f"above 0 and below {LARGEST:g}, or infinite")
@@ -322,11 +323,77 @@ class Contact:
         """
         if self.problem.far_field == "compliant":  # Delta excludes the patch's compliance
             return self.interface_stiffness
+        return self._elastic_punch.stiffness
+
+    @computed_once
+    def _elastic_punch(self) -> Punch:
+        """The flat punch of the nodes in contact that are below the hardness."""
         yielded = self.yielded
         if not yielded.any():
-            return self.stiffness
+            return self.punch
         elastic = np.flatnonzero((self.pressure > 0) & ~yielded)
-        return punch_of(self.problem, elastic).stiffness
+        return punch_of(self.problem, elastic)
+
+    def gradient(self, of: str) -> Field:
+        """Differentiate an answer of this contact by the heights of its surface.
+
+        The derivatives hold as long as the contact set stays. Yielded nodes keep their pressure,
+        so that their heights have no influence but by the highest node: Delta counts from it.
+        See `bem.derived.gradient`.
+
+        Parameters
+        ----------
+        of : str
+            "force", at a given Delta; "delta", at a given force or pressure; or "mean_gap", at the
+            load or the Delta that the problem was given.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Derivatives: of the force [uN / um], of Delta and of the mean gap [1].
+
+        Raises
+        ------
+        ValueError
+            If the answer has no gradient, as a count of nodes has none; if several nodes are the
+            highest, where Delta matters; if the contact is that of `solve_within`, whose heights
+            come from another grid; or, for Delta and at a given load, if no node in contact is
+            below the hardness.
+        ArithmeticError
+            If a linear solve does not converge.
+        """
+        from bem.derived.gradient import gradient_of  # few contacts need it
+
+        return gradient_of(self._linear, of)
+
+    @computed_once
+    def mean_gap_slope(self) -> float:
+        """Derivative of the mean gap by Delta, as long as the contact set stays [1].
+
+        It is -1 for elastic bodies on a patch without edges. Divided by `loading_stiffness`, it is
+        the derivative by the force.
+
+        Raises
+        ------
+        ArithmeticError
+            If a linear solve does not converge.
+        """
+        from bem.derived.gradient import mean_gap_slope_of  # few contacts need it
+
+        return mean_gap_slope_of(self._linear)
+
+    @property
+    def _linear(self) -> LinearContact:
+        """The contact with its sets of nodes held, for derivatives."""
+        from bem.derived.gradient import LinearContact  # few contacts need it
+
+        touching = self.pressure > 0
+        return LinearContact(
+            problem=self.problem,
+            elastic=touching & ~self.yielded,
+            is_open=~touching,
+            punch=self._elastic_punch,
+        )
 
     def conductance(self, k1: float, k2: float) -> float:
         """Compute the conductance of the contact between two half-spaces for heat or current.

@@ -245,10 +245,12 @@ class SpectralSurface(GridSurface):
         description=f"a wavelength above 0{OR_DRAWN} [um]"
     )
     rms_height: Annotated[
-        AtLeastZero | None, Drawn("um", "rms height drawn for the spectrum")
+        AtLeastZero | None,
+        Drawn("um", "rms height drawn for the spectrum", scales_heights=True),
     ] = Field(default=None, description=f"a number from 0 on{OR_DRAWN} [um]")
     rms_slope: Annotated[
-        AtLeastZero | None, Drawn("1", "rms slope drawn for the spectrum")
+        AtLeastZero | None,
+        Drawn("1", "rms slope drawn for the spectrum", scales_heights=True),
     ] = Field(default=None, description=f"a number from 0 on{OR_DRAWN}")
     stretch: Annotated[
         AboveZero, Drawn("1", "wavelengths along x over those along y")

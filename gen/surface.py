@@ -112,6 +112,7 @@ class Drawn(NamedTuple):
     long_name: str  # meaning of the parameter, in words
     # range in the paper's Table 1; None for a parameter that is not in the table
     paper_range: tuple[float, float] | None = None
+    scales_heights: bool = False  # True if all heights are proportional to the parameter
 
 
 Hurst = Annotated[FromZeroToOne, Drawn("1", "Hurst exponent of the surface", (0.5, 0.8))]
@@ -590,7 +591,11 @@ class DisplacedSurface(GridSurface):
     )
     sigma0: Annotated[
         AtLeastZero,
-        Drawn("um", "standard deviation of the generator's first displacement"),
+        Drawn(
+            "um",
+            "standard deviation of the generator's first displacement",
+            scales_heights=True,
+        ),
     ] = Field(default=(10.0, 15.0), description=f"{SPANNED} [um]")
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:

@@ -204,6 +204,14 @@ def test_the_second_loading_is_elastic_up_to_the_first_load(tmp_path):
     assert (tmp_path / "laws.png").stat().st_size > 1000
 
 
+def test_a_texture_is_found_whose_gaps_are_the_wanted_ones(tmp_path):
+    picture = tmp_path / "texture.png"
+    gaps = example("texture")(["--nodes", "32", "--plot", str(picture)])
+    assert np.abs(gaps["start"] / gaps["wanted"] - 1).max() > 1
+    np.testing.assert_allclose(gaps["texture"], gaps["wanted"], rtol=1e-3)
+    assert picture.stat().st_size > 1000
+
+
 @pytest.mark.long
 def test_laws_of_larger_windows_scatter_less(tmp_path):
     table, picture = tmp_path / "windows.csv", tmp_path / "windows.png"

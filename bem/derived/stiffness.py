@@ -77,33 +77,87 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     if is_edgeless and nodes.size == problem.heights.size:  # full contact
         pressure = np.full(nodes.size, np.inf)
         return Punch(stiffness=np.inf, pressure=pressure, residual=0.0, effort=Effort())
+    pressed = pressed_on(problem, nodes, np.ones(nodes.size), PUNCH_RTOL)
+    # The error of the sum of p is proportional to the residual r, and that of the sum of p (1 + r)
+    # to r^2.
+    force = float((pressed.pressure * (1 + pressed.residuals)).sum())
+    return Punch(
+        stiffness=force * problem.modulus * problem.spacing[1],
+        pressure=pressed.pressure * (problem.modulus / problem.spacing[0]),
+        residual=pressed.largest_residual,
+        effort=pressed.effort,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """The pressure of some nodes that displaces them by given amounts.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (a,)
+        Pressure at the a nodes [unit of displacement times E* / first side of a cell].
+    residuals : ndarray, shape (a,)
+        Given displacements less those of the pressure [unit of displacement].
+    largest_residual : float
+        Largest absolute residual [unit of displacement].
+    effort : Effort
+        Iterations and applications of the influence matrix.
+    """
+
+    pressure: Values
+    residuals: Values
+    largest_residual: float
+    effort: Effort
+
+
+def pressed_on(
+    problem: Problem, nodes: Nodes, displacement: Values, atol: float
+) -> Pressed:
+    """Solve for the pressure on some nodes, of any sign, that displaces them by given amounts.
+
+    Parameters
+    ----------
+    problem : Problem
+        Grid, boundary and kernel. Its far field is taken as rigid.
+    nodes : ndarray, shape (a,)
+        Flat indices of at least one node, rising; not all nodes of a patch without edges.
+    displacement : ndarray, shape (a,)
+        Displacements of these nodes, the largest near one [any unit of length].
+    atol : float
+        Largest absolute residual that is accepted [unit of displacement].
+
+    Returns
+    -------
+    Pressed
+        The pressure of the nodes, and its residuals.
+
+    Raises
+    ------
+    ArithmeticError
+        If conjugate gradients do not reach this residual.
+    """
     marked = np.zeros(problem.heights.shape, dtype=bool)
     marked.reshape(-1)[nodes] = True
-    if not is_edgeless:  # the rest of a free patch carries nothing
+    if problem.boundary == "free":  # the rest of a free patch carries nothing
         marked = marked[boxed(marked)]
     shape = len(marked), len(marked[0])
     patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
+    interference = np.zeros(shape)
+    interference[marked] = displacement
     iterate = Iterate(
-        patch,
-        np.zeros(marked.shape),
-        shift=1.0,
-        rtol=PUNCH_RTOL,
-        max_iterations=MAX_ITERATIONS,
+        patch, interference, shift=0.0, rtol=atol, max_iterations=MAX_ITERATIONS
     )
-    residual = ActiveSet(iterate).solve_on(marked, atol=PUNCH_RTOL)
-    if not residual <= PUNCH_RTOL:
+    residual = ActiveSet(iterate).solve_on(marked, atol=atol)
+    if not residual <= atol:
         raise ArithmeticError(
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
-            f" {iterate.iterations} iterations, asked for {PUNCH_RTOL:g}"
+            f" {iterate.iterations} iterations, asked for {atol:g}"
         )
-    # The error of the sum of p is proportional to the residual r, and that of the sum of p (1 + r)
-    # to r^2.
-    pressure = iterate.pressure[marked]
-    force = float((pressure * (1 + iterate.residual[marked].astype(np.float64))).sum())
-    return Punch(
-        stiffness=force * problem.modulus * problem.spacing[1],
-        pressure=pressure * (problem.modulus / problem.spacing[0]),
-        residual=residual,
+    return Pressed(
+        pressure=iterate.pressure[marked],
+        residuals=iterate.residual[marked].astype(np.float64),
+        largest_residual=residual,
         effort=Effort(iterate.iterations, patch.convolutions),
     )
 

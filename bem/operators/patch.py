@@ -572,10 +572,10 @@ def displacement_filter(
         for nodes, period in zip(shape, periods, strict=True)
     )
     table = influence_coefficients(shape, kernel, aspect)[along[:, np.newaxis], across]
-    return spectral_filter(shape, _even_spectrum(table), dtype, periods)
+    return spectral_filter(shape, even_spectrum(table), dtype, periods)
 
 
-def _even_spectrum(quarter: Field) -> Field:
+def even_spectrum(quarter: Field) -> Field:
     """Transform a table that is even along both axes.
 
     `quarter` has the table's entries from 0 to half of a period along both axes. It is overwritten.
@@ -687,7 +687,7 @@ def _inverse_filter(
         folded[1:] += share[1:] * table[: period - half : -1]
         table = folded.T  # the second axis comes next, and the order is restored after it
     return spectral_filter(
-        (rows, periods[1]), 1 / _even_spectrum(table), "float32", periods
+        (rows, periods[1]), 1 / even_spectrum(table), "float32", periods
     )
 
 
