@@ -269,6 +269,67 @@ class Material(NamedTuple):
     ] = None
 
 
+class Accuracy(NamedTuple):
+    """The options about the errors of answers: those of the grid, or those that are asked for."""
+
+    grid_error: GridError = True
+    error: Error = ""
+
+    def errors(self, context: typer.Context) -> dict[str, float] | None:
+        """Parse --error, and refuse the options of a command that do not go with it.
+
+        Parameters
+        ----------
+        context : typer.Context
+            The command with the values of all of its options.
+
+        Returns
+        -------
+        dict from str to float, or None
+            Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1]; None
+            if the option is left out.
+
+        Raises
+        ------
+        InputError
+            If an option does not go with it, or its text names no errors.
+        """
+        if not self.error:
+            return None
+        from gen.maps.accuracy import errors_from
+
+        _refuse_with_error(context)
+        return errors_from(self.error)
+
+
+NOT_WITH_ERROR = {
+    "grid_error": (True, "answers within an error need the error of the grid"),
+    "rtol": (None, "the tolerance of the solver follows from the error"),
+    "kernel": ("uniform-pressure", "answers of the other one belong to its grid"),
+    "far_field": ("rigid", "answers of the other one belong to its grid"),
+    "flattened": (None, "it would have fewer nodes than the map"),
+}
+"""Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
+
+
+def _refuse_with_error(context: typer.Context) -> None:
+    """Refuse the first option of a command that was given and does not go with --error."""
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if name not in NOT_WITH_ERROR:
+            continue
+        allowed, reason = NOT_WITH_ERROR[name]
+        source = context.get_parameter_source(name)
+        is_given = source is not None and source.name == "COMMANDLINE"
+        value = context.params[name]
+        if not is_given or value == allowed:
+            continue
+        option = parameter.opts[0]
+        if value is False:
+            option = parameter.secondary_opts[0]
+        raise InputError(f"{option}: leave it out with --error: {reason}")
+
+
 class Against(NamedTuple):
     """The options about a second rough body, against which surfaces are pressed.
 

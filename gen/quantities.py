@@ -148,7 +148,7 @@ class Quantity:
         True for the oldest keys of `[store]`, which scenes write even if they are off.
     option : str
         When `gen contact` shows it: "always"; "" for never; otherwise the name of the field of
-        `gen.maps.contacts.AnswerOptions` that has to be given.
+        `gen.maps.answers.AnswerOptions` that has to be given.
     cost : str
         Computation that the quantity needs besides the contact; "" for none.
     needs_hardness : bool

@@ -16,8 +16,10 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
 
     from bem.problem import Boundary
+    from gen.maps.answers import Answer, AnswerOptions
     from gen.maps.bodies import Opposite
-    from gen.maps.contacts import Answer, AnswerOptions, LoadSolution, SolvedLoads
+    from gen.maps.contacts import LoadSolution, SolvedLoads
+    from gen.maps.limits import MapLimits
     from gen.maps.read import Topography
     from gen.maps.settings import Reading
     from gen.material import Bodies
@@ -136,6 +138,25 @@ class PressingOrder:
             **self.settings,
         )
 
+    def limits(self, topography: Topography) -> MapLimits | None:
+        """Compute the limits of a map, which belong to errors that are asked for.
+
+        Parameters
+        ----------
+        topography : Topography
+            The prepared surface.
+
+        Returns
+        -------
+        MapLimits or None
+            The limits; None if no error is asked for.
+        """
+        from gen.maps.limits import limits_of
+
+        if self.options.errors is None:
+            return None
+        return limits_of(topography)
+
     def doubts(self, topography: Topography, rows: Sequence[Row]) -> list[str]:
         """Return reasons to doubt the physics of a surface's contacts.
 
@@ -187,11 +208,12 @@ class PressingOrder:
         faults: list[str] = []
         try:
             topography, warnings = self.read(file)
+            limits = self.limits(topography)
             solutions = self.solutions(topography)
             for value, solution in zip(self.values, solutions, strict=True):
                 is_solved = solution.contact is not None
                 if is_solved:
-                    cells = _cells_of_contact(solution.contact, self.options)
+                    cells = _cells_of_contact(solution.contact, self.options, limits)
                     rows.append({self.column: value, **cells})
                 else:
                     faults.append(f"not solved, left out: {solution.fault}")
@@ -235,11 +257,13 @@ class PressingOrder:
         return summaries
 
 
-def _cells_of_contact(contact: Any, options: AnswerOptions) -> Row:
+def _cells_of_contact(
+    contact: Any, options: AnswerOptions, limits: MapLimits | None
+) -> Row:
     """Return the values of the answers about a contact, by the names of their columns."""
-    from gen.maps.contacts import answers
+    from gen.maps.answers import answers
 
-    return _cells(answers(contact, options))
+    return _cells(answers(contact, options, limits))
 
 
 def _cells(answers: Sequence[Answer]) -> Row:
@@ -281,8 +305,9 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
 
     figure = figure_for(files.picture, width=11, height=8.2)
     topography, warnings = order.read(surface)
+    limits = order.limits(topography)
     solutions = order.solutions(topography)
-    solved = contacts.solve_all(solutions, len(order.values), order.options)
+    solved = contacts.solve_all(solutions, len(order.values), order.options, limits)
     rows = [_cells(answers) for answers in solved.rows]
     warnings = [
         *material_doubts(order.bodies),
@@ -295,6 +320,10 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     remark = contacts.border_remark(topography, solved.last, len(rows))
     if remark:
         echo(f"{topography.name}: {remark}")
+    if (
+        limits is not None and len(rows) > 1
+    ):  # the report of one contact has a line for them
+        echo(f"{topography.name}: limits of the map: {limits.text}")
     record = _record(topography, warnings)
     _write_one(surface, [{**row, **record} for row in rows], files)
     if files.flattened is not None:

@@ -27,7 +27,8 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from bem import Budget, Contact
     from gen.database import Reader
     from gen.database.reader import Counts
-    from gen.maps.contacts import Answer, SolvedLoads
+    from gen.maps.answers import Answer
+    from gen.maps.contacts import SolvedLoads
     from gen.maps.read import Topography
     from gen.maps.texture import ProfileRoughness, SelfAffineFit
     from gen.material import Bodies
@@ -411,16 +412,18 @@ They would make the table too wide for a terminal.
 
 
 def print_contacts(solved: SolvedLoads) -> None:
-    """Print a single contact in full, or a table with a line for each of several contacts."""
+    """Print a single contact in full, or a table with a line for each of several contacts.
+
+    The table is without the limits of the map, which are the same in all rows.
+    """
+    from gen.maps.limits import NODES_A_WAVE
+
     if len(solved.rows) == 1:
         _print_contact(solved.rows[0], solved.last, solved.seconds)
         return
+    hidden = {*COLUMNS_OF_FILES, NODES_A_WAVE}
     rows = [
-        [
-            answer
-            for answer in row
-            if answer.column not in COLUMNS_OF_FILES and not answer.is_detail
-        ]
+        [answer for answer in row if answer.column not in hidden and not answer.is_detail]
         for row in solved.rows
     ]
     titles = [answer.column for answer in rows[0]]
@@ -433,10 +436,11 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
 
     `seconds` is the time of the solution [s].
     """
-    from gen.maps.contacts import CONTINUUM_ERROR
+    from gen.maps.accuracy import NODES_X, NODES_Y
+    from gen.maps.answers import CONTINUUM_ERROR
 
     # The area's line states its error, and the line "solved on" the nodes of the grid.
-    repeated = {CONTINUUM_ERROR, "solved_nodes_x", "solved_nodes_y"}
+    repeated = {CONTINUUM_ERROR, NODES_X, NODES_Y}
     # On a rigid far field the approach is Delta, which has a line already.
     if contact.approach == contact.delta:
         repeated.add(QUANTITIES["approach"].in_tables)
@@ -528,7 +532,8 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
     bodies : Bodies
         Material of both bodies, for the title of each table.
     """
-    from gen.maps.contacts import CONTINUUM_ERROR, is_detail
+    from gen.maps.accuracy import is_detail
+    from gen.maps.answers import CONTINUUM_ERROR
 
     hidden = {
         *COLUMNS_OF_FILES,

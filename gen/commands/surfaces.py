@@ -90,8 +90,7 @@ def contact(
     far_field: options.FarField = "rigid",
     rtol: options.Tolerance = 2e-7,
     max_iterations: options.MaxIterations = 1000,
-    grid_error: options.GridError = True,
-    error: options.Error = "",
+    accuracy: options.Accuracy,
     spots: options.Spots = False,
     flow: options.Flow = False,
     stiffness: options.Stiffness = False,
@@ -125,15 +124,14 @@ def contact(
         press_several,
     )
     from gen.maps import contacts, several
+    from gen.maps.answers import AnswerOptions
 
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
     conductivities = _conductivities(conductivity)
     settings: dict[str, Any] = {"max_iterations": max_iterations}
-    errors = None
-    if error:
-        _refuse_with_error(context)
-        errors = contacts.errors_from(error)
+    errors = accuracy.errors(context)
+    if errors is not None:
         # The stiffness is printed if its error is asked for.
         stiffness = stiffness or "stiffness" in errors
     else:
@@ -154,8 +152,8 @@ def contact(
         opposite=facing.second_body(reading),
         load=load.name,
         values=load.values,
-        options=contacts.AnswerOptions(
-            grid_error=grid_error,
+        options=AnswerOptions(
+            grid_error=accuracy.grid_error,
             spots=spots,
             flow=flow,
             stiffness=stiffness,
@@ -183,39 +181,11 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     `values` has the values of the option --conductivity: one for equal bodies, or two. Raises
     InputError if there are more values, or one is outside the range of physical numbers.
     """
-    from gen.maps.contacts import require_conductivities
+    from gen.maps.answers import require_conductivities
 
     if not values:
         return None
     return require_conductivities(values)
-
-
-NOT_WITH_ERROR = {
-    "grid_error": (True, "answers within an error need the error of the grid"),
-    "rtol": (None, "the tolerance of the solver follows from the error"),
-    "kernel": ("uniform-pressure", "answers of the other one belong to its grid"),
-    "far_field": ("rigid", "answers of the other one belong to its grid"),
-    "flattened": (None, "it would have fewer nodes than the map"),
-}
-"""Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
-
-
-def _refuse_with_error(context: typer.Context) -> None:
-    """Refuse the first option of `gen contact` that was given and does not go with --error."""
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        if name not in NOT_WITH_ERROR:
-            continue
-        allowed, reason = NOT_WITH_ERROR[name]
-        source = context.get_parameter_source(name)
-        is_given = source is not None and source.name == "COMMANDLINE"
-        value = context.params[name]
-        if not is_given or value == allowed:
-            continue
-        option = parameter.opts[0]
-        if value is False:
-            option = parameter.secondary_opts[0]
-        raise InputError(f"{option}: leave it out with --error: {reason}")
 
 
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
@@ -258,7 +228,7 @@ def law(
     boundary: options.Boundary = "mirror",
     surfaces: options.Population = 50,
     band: options.Band = 0.9,
-    grid_error: options.GridError = True,
+    accuracy: options.Accuracy,
     flow: options.Flow = False,
     also: options.Also = None,
     output: options.LawFiles = None,
@@ -274,6 +244,9 @@ def law(
 
     The patch is a piece of a larger interface, continued by its mirror images. The closure is
     therefore that of the interface alone: a mesh adds it to the deformation of the bodies.
+
+    With --error each load of each surface is solved on fewer nodes, as many as the error needs, and
+    the files say which errors were asked for and are met.
     """
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
@@ -299,7 +272,8 @@ def law(
         conductivities=_conductivities(conductivity),
         gas=_gas(gas_conductivity, jump_distance),
         stiffness=True,
-        grid_error=grid_error,
+        grid_error=accuracy.grid_error,
+        errors=accuracy.errors(context),
         flow=flow,
         also=require_also(also or []),
         reading=reading,

@@ -10,14 +10,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law.curves import Curve, Curves, risen, slopes, without_reversals
+from gen.law.curves import (
+    Curve,
+    Curves,
+    entries_at,
+    risen,
+    slopes,
+    without_reversals,
+)
 from gen.law.lines import LEVEL, Column, curve_through
 from gen.quantities import AREA, CLOSURE, PRESSURE
+
+if TYPE_CHECKING:
+    from bem.budget import Budget
 
 Solve = Callable[[Values], Curves]
 """Solver of contacts at ascending loads, (m,) [um or MPa]. It returns the table of the contacts
@@ -92,7 +103,8 @@ def _touching(
 ) -> NDArray[np.bool_]:
     """Return True where at least `enough` nodes and at most `most_area` per cent touch, (k,)."""
     area = curves.curves[AREA.in_laws].value  # in percent
-    return np.asarray((area * nodes >= 100 * enough) & (area <= most_area))
+    touching = area * curves.fewest_nodes(nodes)  # in hundredths of a node
+    return np.asarray((touching >= 100 * enough) & (area <= most_area))
 
 
 def solve_between(
@@ -289,7 +301,7 @@ def merged(first: Curves, second: Curves) -> Curves:
     -------
     Curves
         The table at the arguments of both tables, with the quantities that both tables have. Values
-        of single surfaces and `unresolved` are dropped.
+        of single surfaces and `unresolved` are dropped, and budgets unless both tables have them.
     """
     at = np.append(first.at, second.at)
     order = np.argsort(at, kind="stable")
@@ -298,15 +310,19 @@ def merged(first: Curves, second: Curves) -> Curves:
         if name in second.curves:
             at_rest = first.at_rest.get(name, 0.0)
             curves[name] = _joined(name, curve, second.curves[name], at, order, at_rest)
-    reasons = np.array([*first.reasons, *second.reasons], dtype=object)
+    reasons = entries_at([*first.reasons, *second.reasons], order)
+    budgets: tuple[tuple[Budget, ...], ...] = ()
+    if first.budgets and second.budgets:
+        budgets = entries_at([*first.budgets, *second.budgets], order)
     return replace(
         first,
         at=at[order],
         curves=curves,
         outside=np.append(first.outside, second.outside)[order],
-        reasons=tuple(reasons[order]),
+        reasons=reasons,
         flagged=np.append(first.flagged, second.flagged)[order],
         unresolved=(),
+        budgets=budgets,
     )
 
 

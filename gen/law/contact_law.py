@@ -21,12 +21,14 @@ from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import material_doubts
+from gen.law import accuracy
 from gen.law.bands import assumption, described
 from gen.law.between import check_loads, merged, solve_between, solve_for_lines
 from gen.law.curves import APART, Curves, Points, risen, tabulated, without_reversals
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
-from gen.law.surfaces import LawSurfaces, Source, read_law_surfaces
+from gen.law.surfaces import LawSurfaces, Source, has_scene, read_law_surfaces
+from gen.maps.limits import MapLimits, limits_of
 from gen.material import Bodies
 from gen.quantities import AREA
 from gen.runtime.errors import InputError
@@ -82,6 +84,7 @@ class Law:
     checks: Curves | None = None
     # Errors of means over a population, and how it was sampled; None unless errors were asked for.
     sampled: SampledMeans | None = None
+    limits: tuple[MapLimits, ...] = ()  # of each surface, if errors were asked for
 
 
 def by_solver(order: Order, stopping: Callable[[], bool] | None = None) -> Law:
@@ -109,7 +112,7 @@ def by_solver(order: Order, stopping: Callable[[], bool] | None = None) -> Law:
     loads = order.loads()
     if not loads:
         raise InputError("give --delta or --pressure, the loads of the law")
-    if order.errors is not None:
+    if order.errors is not None and has_scene(order.inputs):
         from gen.law.means import by_means  # here, because few laws need it
 
         return by_means(order, loads, stopping)
@@ -119,8 +122,11 @@ def by_solver(order: Order, stopping: Callable[[], bool] | None = None) -> Law:
     solver = LawSolver(order, subjects.surfaces, bodies)
     solved = {load: solver.solve(load, values) for load, values in loads.items()}
     tables = _tables(solver, solved)
-    making = Making(method="solved contact by contact", band=_band_of_one_surface(tables))
+    band = _band_of_one_surface(order, tables)
+    making = Making(method="solved contact by contact", band=band)
     law = law_of(order, subjects, bodies, tables, making)
+    if order.errors is not None:
+        law = _with_accuracy(law, order.errors, subjects)
     if not order.between:
         return law
     return with_contacts_between(law, solver)
@@ -157,11 +163,26 @@ def bodies_of(order: Order, subjects: LawSurfaces) -> Bodies:
     return Bodies(e_star=e_star, hardness=hardness, has_modulus=order.e_star is not None)
 
 
-def _band_of_one_surface(tables: Tables) -> str:
+def _with_accuracy(law: Law, errors: Mapping[str, float], subjects: LawSurfaces) -> Law:
+    """Return a law with the limits of its maps, and notes on the errors that were asked for."""
+    limits = tuple(limits_of(surface) for surface in subjects.surfaces)
+    method, *further = law.notes
+    tables = (law.over_delta, law.over_pressure)
+    about_errors = accuracy.notes(tables, errors, law.order.requested)
+    about_limits = accuracy.limits_in_words(limits)
+    return replace(
+        law, limits=limits, notes=(method, *about_errors, about_limits, *further)
+    )
+
+
+def _band_of_one_surface(order: Order, tables: Tables) -> str:
     """Describe the band of one surface: the error of the grid, if the grid resolves a contact.
 
-    The text says that there is no band if the grid resolves none, or was not judged.
+    The text says that there is no band if the grid resolves none, or was not judged. If errors were
+    asked for, these are the band.
     """
+    if order.errors is not None:
+        return accuracy.band_of_one_surface(order.errors)
     for table in (tables.over_delta, tables.over_pressure):
         if table.resolved_somewhere:
             return "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -262,7 +283,7 @@ def _few_nodes(over_pressure: Curves, nodes: int) -> str:
     the pressure [MPa].
     """
     area = over_pressure.curves[AREA.in_laws].value  # in percent of the nominal area
-    touching = nodes * area / 100  # number of nodes in contact
+    touching = over_pressure.fewest_nodes(nodes) * area / 100  # nodes in contact
     pressures = over_pressure.at[(touching > 0) & (touching < FEW)]
     if not pressures.size:
         return ""
@@ -466,7 +487,18 @@ def with_contacts_between(law: Law, solver: LawSolver | MeansSolver) -> Law:
         deltas = between.same_over_delta()
     elif over_delta:
         deltas = solve_between(law.over_delta, law.nodes, between.at_deltas, rounds=1)
-    return replace(law, between_pressures=pressures, between_deltas=deltas, checks=checks)
+    notes = law.notes
+    if order.errors is not None:
+        solved = [table for table in (pressures, checks, deltas) if table is not None]
+        note = accuracy.note_on_contacts_between(solved, order.errors)
+        notes = (*notes, note) if note else notes
+    return replace(
+        law,
+        between_pressures=pressures,
+        between_deltas=deltas,
+        checks=checks,
+        notes=notes,
+    )
 
 
 class SolverBetween:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
+from gen.law.accuracy import all_in_all
 from gen.law.between import in_range
 from gen.law.contact_law import Law
 from gen.law.curves import APART, Curves, slopes, trend
@@ -373,7 +374,14 @@ def _cubics_in_words(law: Law, functions: Iterable[Function]) -> str:
     falling = ""
     if any(function.falls for function in functions):
         falling = " Of gaps and apertures these are shares of the value at first touch."
-    return f"The cubics go through the loads of the law. {off}, {in_words(deviations)}.{falling}"
+    together = ""
+    if law.order.errors is not None:
+        tables = (law.over_delta, law.over_pressure)
+        together = all_in_all(tables, law.order.errors, deviations)
+    return (
+        f"The cubics go through the loads of the law. {off},"
+        f" {in_words(deviations)}.{falling}{together}"
+    )
 
 
 def _body(functions: Iterable[Function], name: str) -> Iterator[str]:

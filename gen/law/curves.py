@@ -6,13 +6,15 @@ table of `Curves` over Delta or over pressure.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.doubts import modulus_in_words
 from gen.law.bands import Band, further_surface
 from gen.material import Bodies
@@ -29,6 +31,11 @@ from gen.quantities import (
     Trend,
 )
 from gen.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from bem.budget import Budget
+
+Entry = TypeVar("Entry")
 
 OUTSIDE_SHARE = 0.5
 """Largest share of the surfaces that may be outside a surrogate's training at a row of a table. A
@@ -60,6 +67,9 @@ class Points:
     # For each load, why the grid does not resolve the contact, where the area in the continuum is
     # then not known; "" where it does. Empty if that was not judged.
     unresolved: tuple[str, ...] = ()
+    # For each load, the budget of the errors that were asked for; None at first touch. Empty if no
+    # error was asked for.
+    budgets: tuple[Budget | None, ...] = ()
 
     def changed(
         self, change: Callable[[str, Values], Values], reasons: tuple[str, ...]
@@ -77,7 +87,7 @@ class Points:
         Returns
         -------
         Points
-            New points under m loads, with neither `why_no_interval` nor `unresolved`.
+            New points under m loads, without `why_no_interval`, `unresolved` and `budgets`.
         """
 
         def all_changed(arrays: dict[str, Values]) -> dict[str, Values]:
@@ -104,11 +114,13 @@ class Points:
         Points
             The points at these loads, in the order of the indices.
         """
-        reasons = texts_at(self.reasons, places)
+        reasons = entries_at(self.reasons, places)
         points = self.changed(lambda _, array: array[places], reasons)
-        if not self.unresolved:
-            return points
-        return replace(points, unresolved=texts_at(self.unresolved, places))
+        if self.unresolved:
+            points = replace(points, unresolved=entries_at(self.unresolved, places))
+        if self.budgets:
+            points = replace(points, budgets=entries_at(self.budgets, places))
+        return points
 
     def from_rest(self, at_rest: Mapping[str, float]) -> Points:
         """Put first touch, Delta = 0, before all loads; `why_no_interval` is dropped.
@@ -127,29 +139,32 @@ class Points:
             lambda name, array: np.append(at_rest.get(name, 0.0), array),
             ("", *self.reasons),
         )
-        if not self.unresolved:
-            return points
-        return replace(points, unresolved=("", *self.unresolved))
+        if self.unresolved:
+            points = replace(points, unresolved=("", *self.unresolved))
+        if self.budgets:
+            points = replace(points, budgets=(None, *self.budgets))
+        return points
 
 
-def texts_at(
-    texts: Sequence[str], places: NDArray[np.bool_] | NDArray[np.int64]
-) -> tuple[str, ...]:
-    """Choose some of the texts that belong to points or rows.
+def entries_at(
+    entries: Sequence[Entry], places: NDArray[np.bool_] | NDArray[np.int64]
+) -> tuple[Entry, ...]:
+    """Choose some of the entries that belong to points or rows.
 
     Parameters
     ----------
-    texts : sequence of str
-        k texts.
+    entries : sequence
+        k texts, or k other entries.
     places : ndarray
         Mask of shape (k,), or indices.
 
     Returns
     -------
-    tuple of str
-        The texts at these places.
+    tuple
+        The entries at these places.
     """
-    return tuple(np.array(texts, dtype=object)[places])
+    indices = np.arange(len(entries))[places]
+    return tuple(entries[index] for index in indices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +211,28 @@ class Curves:
     # is then not known; "" where it does. A population is judged on its first surface. Empty
     # if that was not judged.
     unresolved: tuple[str, ...] = ()
+    # For each argument, the budgets of the errors that were asked for, one for each surface; () at
+    # first touch. Empty if no error was asked for.
+    budgets: tuple[tuple[Budget, ...], ...] = ()
+
+    def fewest_nodes(self, nodes: int) -> Indices:
+        """Return on how many nodes contacts are solved, of all surfaces the fewest.
+
+        Parameters
+        ----------
+        nodes : int
+            Number of nodes of the smallest surface. Contacts within errors are solved on fewer.
+
+        Returns
+        -------
+        ndarray of int, shape (k,)
+            The numbers of nodes at the arguments.
+        """
+        fewest = np.full(self.at.size, nodes)
+        for place, budgets in enumerate(self.budgets):
+            if budgets:
+                fewest[place] = min(math.prod(budget.nodes) for budget in budgets)
+        return fewest
 
     @property
     def resolved(self) -> NDArray[np.bool_] | None:
@@ -247,7 +284,10 @@ class Curves:
         at = self.at[places]
         unresolved = self.unresolved
         if unresolved:
-            unresolved = texts_at(unresolved, places)
+            unresolved = entries_at(unresolved, places)
+        budgets = self.budgets
+        if budgets:
+            budgets = entries_at(budgets, places)
         curves: dict[str, Curve] = {}
         for name, curve in self.curves.items():
             value = curve.value[places]
@@ -266,9 +306,10 @@ class Curves:
             at=at,
             curves=curves,
             outside=self.outside[places],
-            reasons=texts_at(self.reasons, places),
+            reasons=entries_at(self.reasons, places),
             flagged=self.flagged[places],
             unresolved=unresolved,
+            budgets=budgets,
         )
 
     def below_full_contact(self, bodies: Bodies, *, required: bool) -> BelowFullContact:
@@ -386,7 +427,8 @@ def tabulated(
     Returns
     -------
     Curves
-        The table, with all quantities that every surface has, and without `unresolved`.
+        The table, with all quantities that every surface has, with the budgets of the points, and
+        without `unresolved`.
 
     Raises
     ------
@@ -421,6 +463,17 @@ def tabulated(
         reasons=tuple(reasons),
         at_rest=at_rest,
         flagged=outside > OUTSIDE_SHARE,
+        budgets=_budgets_of_surfaces(parts),
+    )
+
+
+def _budgets_of_surfaces(parts: Sequence[Points]) -> tuple[tuple[Budget, ...], ...]:
+    """Return for each load the budgets of all surfaces; () if no error was asked for."""
+    if not all(part.budgets for part in parts):
+        return ()
+    return tuple(
+        tuple(budget for budget in budgets if budget is not None)
+        for budgets in zip(*(part.budgets for part in parts), strict=True)
     )
 
 

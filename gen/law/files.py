@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law import cubics, finite_elements
+from gen.law import accuracy, cubics, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
@@ -102,12 +102,14 @@ def show(law: Law) -> None:
 def _show_table(law: Law, table: Curves) -> None:
     """Print a table of a law under its title.
 
-    The last column has the reason of each row: why it has no band, or what is outside a surrogate's
+    If errors were asked for, the grid and the errors of each row follow its quantities. The last
+    column has the reason of each row: why it has no band, or what is outside a surrogate's
     training. Rows with a reason and no band show "(-)" in place of the band.
     """
     echo(law.title)
     echo(f"{law.bodies.text}; band: {law.band}")
     names = _columns_shown(table)
+    about_errors: list[str] = []  # titles of their columns
     banded = np.any([curve.banded for curve in table.curves.values()], axis=0)
     lines: list[list[str]] = []
     for place, row in enumerate(cells(table)):
@@ -115,10 +117,15 @@ def _show_table(law: Law, table: Curves) -> None:
         withheld = bool(reason) and not banded[place]
         line = [f"{row[table.against]:.5g}"]
         line += [_text_of_cell(row, name, withheld=withheld) for name in names]
+        if law.order.errors is not None:
+            cells_of_load = accuracy.cells(table, place, law.order.errors, surfaces=1)
+            line += accuracy.shown_cells(cells_of_load)
+            about_errors = accuracy.shown_columns(cells_of_load)
         line.append(first_reason(reason))
         lines.append(line)
     last = "reason" if any(table.reasons) else ""
-    print_columns(lines, [table.against, *names, last], right=[table.against, *names])
+    titles = [table.against, *names, *about_errors]
+    print_columns(lines, [*titles, last], right=titles)
 
 
 def _columns_shown(table: Curves) -> list[str]:
@@ -220,6 +227,7 @@ def _rows(law: Law, table: Curves) -> list[Row]:
     for place, numbers in enumerate(cells(table)):
         row = _about_the_load(law, table, place)
         row |= {column: numbers.get(column, "") for column in columns}
+        row |= _about_the_errors(law, table, place)
         row["resolved"] = _resolved(table, place)
         row["reason"] = table.reasons[place]
         row |= _record_of_the_files(sources)
@@ -240,6 +248,28 @@ def _about_the_load(law: Law, table: Curves, place: int) -> Row:
         row["hardness_MPa"] = law.bodies.hardness
     if law.boundary != "free":
         row["boundary"] = law.boundary
+    return row
+
+
+def _about_the_errors(law: Law, table: Curves, place: int) -> Row:
+    """Return the cells of a row about errors that were asked for, and the limits of the maps.
+
+    There are none if no error was asked for.
+    """
+    row = _errors_at(law, table, place)
+    if law.limits:
+        row |= accuracy.worst_limits(law.limits).columns
+    return row
+
+
+def _errors_at(law: Law, table: Curves, place: int) -> Row:
+    """Return the cells about errors that were asked for, at an argument; {} if none was."""
+    errors = law.order.errors
+    if errors is None:
+        return {}
+    row = accuracy.cells(table, place, errors, len(law.surface_names))
+    if law.sampled is not None:
+        row |= law.sampled.cells(table, place)
     return row
 
 
@@ -327,10 +357,17 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "asperity": VERSION,
         "commit": git_commit(),
         "tables": [
-            _table_in_json(law.over_delta),
-            _table_in_json(law.over_pressure),
+            _table_in_json(law.over_delta) | _errors_in_json(law, law.over_delta),
+            _table_in_json(law.over_pressure) | _errors_in_json(law, law.over_pressure),
         ],
     }
+    if law.order.errors is not None:
+        document["errors_asked_percent"] = {
+            name: 100 * error for name, error in law.order.errors.items()
+        }
+        document["limits_of_maps"] = [_nulls(limits.columns) for limits in law.limits]
+    if law.sampled is not None:
+        document["population"] = law.sampled.in_json
     write(path, json_text(document))
     return [path]
 
@@ -347,6 +384,22 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
         "grid": list(table.unresolved),
         "curves": curves,
     }
+
+
+def _errors_in_json(law: Law, table: Curves) -> dict[str, Any]:
+    """Return the columns about errors of a table for JSON, {} if no error was asked for."""
+    if law.order.errors is None:
+        return {}
+    columns: dict[str, list[Any]] = {}
+    for place in range(table.at.size):
+        for column, cell in _nulls(_errors_at(law, table, place)).items():
+            columns.setdefault(column, []).append(cell)
+    return {"errors": columns}
+
+
+def _nulls(row: Row) -> dict[str, Any]:
+    """Return a row for JSON, with None in place of ""."""
+    return {column: None if cell == "" else cell for column, cell in row.items()}
 
 
 def _curve_in_json(curve: Curve) -> dict[str, Any]:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
+from gen.law.accuracy import all_in_all
 from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
 from gen.law.curves import risen, trend
@@ -448,7 +449,10 @@ def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) ->
             number += law.checks.at.size
         reference = f"contacts at {number} pressures between the loads of the law"
     largest = f"It is off {reference}, by up to this, {in_words(deviations)}."
-    return f"The table is straight between its points. {largest}"
+    together = ""
+    if law.order.errors is not None:
+        together = all_in_all([law.over_pressure], law.order.errors, deviations)
+    return f"The table is straight between its points. {largest}{together}"
 
 
 def in_words(deviations: Mapping[str, Deviation]) -> str:

@@ -7,14 +7,15 @@ of the means, not the scatter of the surfaces.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.budget import ErrorParts
+from bem.accuracy import work
+from bem.budget import Budget, ErrorParts, Trial
 from gen.arrays import Values
 from gen.law.contact_law import (
     Law,
@@ -25,7 +26,7 @@ from gen.law.contact_law import (
     table_of,
     with_contacts_between,
 )
-from gen.law.curves import APART, Points, risen
+from gen.law.curves import APART, Curves, Points, risen
 from gen.law.multilevel import PILOT, Level, Means, Planner, means_of
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.population import (
@@ -40,8 +41,10 @@ from gen.law.population import (
     worst_errors,
 )
 from gen.law.solver import BETWEEN, NOT_SOLVED, SolvedLoads, ends_below
-from gen.law.surfaces import read_law_surfaces, scene_as_input, scene_of
+from gen.law.surfaces import read_law_surfaces, scene_as_input
+from gen.maps.accuracy import RELATIVE_ERROR
 from gen.quantities import DELTA, IN_LAWS, LOADS
+from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 
@@ -71,58 +74,71 @@ class MeanErrorParts(ErrorParts):
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorsOfTable:
+class MeansOfTable:
     """Means under the loads of a table, and the parts of their errors at 95 %.
 
     Attributes
     ----------
     at : ndarray, shape (k,)
         Ascending loads [um or MPa].
-    means : mapping of str to Means
+    by_quantity : mapping of str to Means
         Means and absolute errors, (k,), by the names of the quantities in laws and in their units.
     """
 
     at: Values
-    means: Mapping[str, Means]
+    by_quantity: Mapping[str, Means]
 
-    def parts(
-        self, load: float, errors: Mapping[str, float]
-    ) -> Iterator[tuple[str, MeanErrorParts]]:
-        """Yield the relative errors of the answers that were asked for, under a load.
+    def place(self, load: float) -> int | None:
+        """Return the index of a load; None if the table was not sampled there.
 
         Parameters
         ----------
         load : float
-            The load, one of `at` [um or MPa].
-        errors : mapping of str to float
-            Errors that were asked for, by the names of the answers [1].
+            A load [um or MPa].
 
-        Yields
-        ------
-        name : str
-            Name of the answer.
-        parts : MeanErrorParts
-            Its error.
+        Returns
+        -------
+        int or None
+            The index.
         """
         places = np.flatnonzero(self.at == load)
-        if not places.size:
-            return
-        place = int(places[0])
-        for name, asked_error in errors.items():
-            means = self.means[ANSWERS_IN_LAWS[name].in_laws]
+        return int(places[0]) if places.size else None
+
+    def errors(self, place: int, asked: Mapping[str, float]) -> dict[str, MeanErrorParts]:
+        """Return the relative errors of the answers that were asked for, under a load.
+
+        Parameters
+        ----------
+        place : int
+            Index of the load.
+        asked : mapping of str to float
+            Errors that were asked for, by the names of the answers [1].
+
+        Returns
+        -------
+        dict of str to MeanErrorParts
+            The errors by the names of the answers. Without a load they are 0.
+        """
+        errors: dict[str, MeanErrorParts] = {}
+        for name, asked_error in asked.items():
+            means = self.by_quantity[ANSWERS_IN_LAWS[name].in_laws]
+            parts = np.array([means.grid, means.waves, means.solver, means.surfaces])
             value = abs(float(means.mean[place]))
-            if value == 0 or not math.isfinite(value):
-                continue
-            yield (
-                name,
-                MeanErrorParts(
-                    asked_error=asked_error,
-                    grid=float(means.grid[place]) / value,
-                    waves=float(means.waves[place]) / value,
-                    solver=float(means.solver[place]) / value,
-                    surfaces=float(means.surfaces[place]) / value,
-                ),
+            if self.at[place] == 0:
+                shares = np.zeros(4)
+            elif value == 0:
+                shares = np.full(4, math.inf)
+            else:
+                shares = parts[:, place] / value
+            grid, waves, solver, surfaces = shares.tolist()
+            errors[name] = MeanErrorParts(
+                asked_error=asked_error,
+                grid=grid,
+                waves=waves,
+                solver=solver,
+                surfaces=surfaces,
             )
+        return errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +149,8 @@ class SampledMeans:
     ----------
     asked_errors : mapping of str to float
         Largest relative errors at 95 % that were asked for, by the names of the answers [1].
-    tables : mapping of str to ErrorsOfTable
-        Errors of both tables, by the kind of their loads.
+    tables : mapping of str to MeansOfTable
+        Means of both tables with their errors, by the column of their loads.
     grids : sequence of SampledGrid
         Grids with their surfaces, from the coarsest one.
     nodes : tuple of int
@@ -146,7 +162,7 @@ class SampledMeans:
     """
 
     asked_errors: Mapping[str, float]
-    tables: Mapping[Load, ErrorsOfTable]
+    tables: Mapping[str, MeansOfTable]
     grids: Sequence[SampledGrid]
     nodes: tuple[int, int]
     is_met: bool
@@ -156,6 +172,57 @@ class SampledMeans:
     def convolutions(self) -> float:
         """Convolutions of all contacts, in convolutions on the grid of the scene [1]."""
         return sum(grid.convolutions for grid in self.grids)
+
+    def cells(self, table: Curves, place: int) -> Row:
+        """Return the cells about the means at one argument of a table.
+
+        Parameters
+        ----------
+        table : Curves
+            Table of the law.
+        place : int
+            Index of the argument.
+
+        Returns
+        -------
+        dict
+            The part of each error that was asked for which is due to the number of surfaces [%],
+            and the standard error of each quantity; "" where nothing was sampled.
+        """
+        means = self.tables[table.against]
+        index = means.place(float(table.at[place]))
+        row: Row = {}
+        for name in self.asked_errors:
+            row[f"{name}{RELATIVE_ERROR}from_surfaces_percent"] = ""
+        for name in means.by_quantity:
+            row[f"{name}_standard_error"] = ""
+        if index is None:
+            return row
+        for name, parts in means.errors(index, self.asked_errors).items():
+            row[f"{name}{RELATIVE_ERROR}from_surfaces_percent"] = 100 * parts.surfaces
+        for name, of_quantity in means.by_quantity.items():
+            standard_error = float(of_quantity.standard_error[index])
+            if math.isfinite(standard_error):
+                row[f"{name}_standard_error"] = standard_error
+        return row
+
+    @property
+    def in_json(self) -> dict[str, Any]:
+        """The grids and the number of surfaces on each, for JSON."""
+        return {
+            "nodes": list(self.nodes),
+            "errors_met": self.is_met,
+            "convolutions": self.convolutions,
+            "grids": [
+                {
+                    "nodes": list(grid.nodes),
+                    "surfaces": len(grid.surfaces),
+                    "in_the_means": grid.is_counted,
+                    "convolutions": grid.convolutions,
+                }
+                for grid in self.grids
+            ],
+        }
 
     @property
     def grids_in_words(self) -> str:
@@ -194,8 +261,8 @@ def by_means(
     Raises
     ------
     InputError
-        If the input is no single scene, or the scene, a load or an error cannot be used; if the
-        errors are not reachable; or if no load was solved on every surface.
+        If there are further inputs beside the scene; if the scene, a load or an error cannot be
+        used; if the errors are not reachable; or if no load was solved on every surface.
     """
     errors = dict(order.errors or {})
     scene_text = _only_scene(order)
@@ -204,7 +271,7 @@ def by_means(
         grid_error=order.grid_error or "area" in errors,
         stiffness=order.stiffness or "stiffness" in errors,
     )
-    subjects = read_law_surfaces(replace(order, surfaces=PILOT))
+    subjects = read_law_surfaces(replace(order, surfaces=PILOT, errors=None))
     scene = subjects.inputs[0].scene
     assert scene is not None  # `_only_scene` has refused other inputs
     bodies = bodies_of(order, subjects)
@@ -230,7 +297,9 @@ def by_means(
     worst = worst_errors(layout, means, asked)
     sampled = SampledMeans(
         asked_errors=errors,
-        tables={load: _errors_of_table(layout, means, load) for load in layout.loads},
+        tables={
+            ARGUMENTS[load]: _means_of_table(layout, means, load) for load in layout.loads
+        },
         grids=search.sampled_grids,
         nodes=sampler.shape,
         is_met=all(error.total <= error.asked_error for error in worst),
@@ -238,7 +307,7 @@ def by_means(
     )
     number = search.next_surface
     about = scene_as_input(scene, scene_text, f"the means of its first {number} surfaces")
-    tables = _tables(search, means, tuple(loads))
+    tables = _tables(search, means, sampled, tuple(loads))
     making = Making(method="means by multilevel Monte Carlo", band=BAND)
     law = law_of(
         order=order,
@@ -254,16 +323,13 @@ def by_means(
 
 
 def _only_scene(order: Order) -> str:
-    """Return the input of an order that is a single scene. Raises InputError if it is not."""
-    scenes = [text for text in order.inputs if scene_of(text, ready=False) is not None]
-    if len(scenes) != len(order.inputs):
+    """Return the only input of an order, a scene. Raises InputError if there are several inputs."""
+    if len(order.inputs) > 1:
         raise InputError(
-            "--error: the means of a population need a scene or a database; for maps use"
-            " gen contact --error"
+            f"--error: {len(order.inputs)} inputs with a scene among them: give one scene, or"
+            " surfaces from files"
         )
-    if len(scenes) > 1:
-        raise InputError(f"--error: {len(scenes)} scenes given: give one")
-    return scenes[0]
+    return order.inputs[0]
 
 
 def _with_other_table(sampler: Sampler) -> Layout:
@@ -294,7 +360,7 @@ def _with_other_table(sampler: Sampler) -> Layout:
     return Layout(layout.quantities, {**layout.loads, load: means})
 
 
-def _errors_of_table(layout: Layout, means: Means, load: Load) -> ErrorsOfTable:
+def _means_of_table(layout: Layout, means: Means, load: Load) -> MeansOfTable:
     """Return the means under the loads of a table, with their errors."""
     places = layout.places(load)
     by_name: dict[str, Means] = {}
@@ -312,7 +378,7 @@ def _errors_of_table(layout: Layout, means: Means, load: Load) -> ErrorsOfTable:
             waves=at_loads(means.waves),
             solver=at_loads(means.solver),
         )
-    return ErrorsOfTable(layout.loads[load], by_name)
+    return MeansOfTable(layout.loads[load], by_name)
 
 
 def _remarks(sampled: SampledMeans) -> list[str]:
@@ -326,7 +392,10 @@ def _remarks(sampled: SampledMeans) -> list[str]:
 
 
 def _tables(
-    search: PopulationSearch, means: Means, requested: tuple[Load, ...]
+    search: PopulationSearch,
+    means: Means,
+    sampled: SampledMeans,
+    requested: tuple[Load, ...],
 ) -> Tables:
     """Tabulate means against Delta and against pressure, and say which loads are left out.
 
@@ -345,7 +414,8 @@ def _tables(
         remarks.append(f"warning: {sampler.doubts[0]}")
     tables = {}
     for load in ARGUMENTS:
-        solved = _solved_loads(sampler, means, load)
+        budgets = _budgets(search, sampled, ARGUMENTS[load])
+        solved = _solved_loads(sampler, means, load, budgets)
         if load in requested and not solved.loads.size:
             raise InputError(f"no load was solved on every surface; {solved.remarks[0]}")
         remarks += solved.remarks
@@ -358,7 +428,30 @@ def _tables(
     )
 
 
-def _solved_loads(sampler: Sampler, means: Means, load: Load) -> SolvedLoads:
+def _budgets(
+    search: PopulationSearch, sampled: SampledMeans, against: str
+) -> tuple[Budget, ...]:
+    """Return the budget of the errors under each load of a table, on the finest grid."""
+    finest = search.counted_levels[-1]
+    dropped = float(np.mean([sample.waves_dropped for sample in finest.samples]))
+    table = sampled.tables[against]
+    budgets: list[Budget] = []
+    for place in range(table.at.size):
+        trial = Trial(
+            nodes=finest.nodes,
+            waves_dropped=dropped,
+            errors=table.errors(place, sampled.asked_errors),
+            reason=sampled.grids_in_words,
+            convolutions=sampled.convolutions * work(sampled.nodes) / work(finest.nodes),
+            work=sampled.convolutions,
+        )
+        budgets.append(Budget(sampled.nodes, search.sampler.tolerance, (trial,)))
+    return tuple(budgets)
+
+
+def _solved_loads(
+    sampler: Sampler, means: Means, load: Load, budgets: tuple[Budget, ...] = ()
+) -> SolvedLoads:
     """Return means as the contacts of one surface, under the loads solved on every surface."""
     layout = sampler.layout
     places = layout.places(load)
@@ -387,6 +480,7 @@ def _solved_loads(sampler: Sampler, means: Means, load: Load) -> SolvedLoads:
         high=high,
         reasons=("",) * loads.size,
         unresolved=("",) * loads.size,
+        budgets=budgets,
     )
     return SolvedLoads(
         loads=loads[kept],

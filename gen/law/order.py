@@ -61,11 +61,12 @@ class Order:
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
+    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # contacts are solved on the coarsest grid that gives them; None for the grid of the surface. Of
+    # a scene they are the errors of the means over its population.
+    errors: Mapping[str, float] | None = None
     flow: bool = False  # True for the hydraulic apertures of the gap
     also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
-    # Largest relative errors of answers at 95 %, by their names in `bem.accuracy.ANSWERS` [1]; None
-    # for the grids and the number of surfaces that are given.
-    errors: Mapping[str, float] | None = None
     # False to leave out a table for which no loads are given, with errors of means.
     both_tables: bool = True
     reading: Reading = field(default_factory=Reading)  # how files are read

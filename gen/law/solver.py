@@ -3,17 +3,18 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
-from bem import Contact
+from bem import Budget, Contact, Surface
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts
+from gen.law.accuracy import with_bands
 from gen.law.curves import APART, Points
 from gen.law.order import Load, Order
 from gen.law.surfaces import LawSurface
-from gen.maps.contacts import solve_loads
+from gen.maps.contacts import prepared_surface, solve_loads
 from gen.material import Bodies
 from gen.quantities import AREA, CONTINUUM, LOADS, MEAN_GAP
 from gen.runtime.errors import InputError
@@ -46,6 +47,8 @@ class SolvedContact:
     unresolved: str = ""
     # Delta, pressure and nodes, from which warnings follow; None if it was not solved.
     pressed: Pressed | None = None
+    # Errors that were asked for; None if none was, or if it was not solved.
+    budget: Budget | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +88,43 @@ class PossibleLoads:
     full_contact: float = np.inf  # smallest displacement that was left out [um]
 
 
+class LastPrepared:
+    """The surface that was last prepared for contacts within errors.
+
+    The surface of a law of one is solved at its loads and then many times between them, while many
+    prepared surfaces would take much memory.
+    """
+
+    def __init__(self) -> None:
+        self.surface: LawSurface | None = None
+        self.prepared: Surface | None = None
+
+    def of(self, surface: LawSurface, settings: Mapping[str, Any]) -> Surface:
+        """Return a prepared surface, and prepare it unless it is the last one.
+
+        Parameters
+        ----------
+        surface : LawSurface
+            A surface.
+        settings : mapping
+            Settings of `bem.Surface` with their values, the same for all calls.
+
+        Returns
+        -------
+        bem.Surface
+            The prepared surface.
+
+        Raises
+        ------
+        InputError
+            If a number is not allowed, or memory is too short.
+        """
+        if self.prepared is None or self.surface is not surface:
+            self.prepared = prepared_surface(surface, **settings)
+            self.surface = surface
+        return self.prepared
+
+
 @dataclass(frozen=True, eq=False)
 class LawSolver:
     """The solver of all surfaces of a law, under one load after another."""
@@ -97,6 +137,7 @@ class LawSolver:
     judges: bool = True
     # What the progress counts, by the kind of the loads.
     passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)
+    last_prepared: LastPrepared = field(default_factory=LastPrepared)
 
     @property
     def has_one_surface(self) -> bool:
@@ -252,7 +293,18 @@ class LawSolver:
             "hardness": self.bodies.hardness,
             **surface.settings,
         }
-        for solution in solve_loads(surface, load, loads.tolist(), **settings):
+        prepared: Surface | None = None
+        if self.order.errors is not None:
+            prepared = self.last_prepared.of(surface, settings)
+        solutions = solve_loads(
+            surface,
+            load,
+            loads.tolist(),
+            errors=self.order.errors,
+            prepared=prepared,
+            **settings,
+        )
+        for solution in solutions:
             contact = solution.contact
             if contact is None:
                 yield SolvedContact(quantities={}, fault=solution.fault)
@@ -278,7 +330,8 @@ class LawSolver:
         """Put the contacts of one surface into arrays, with its first doubt and remarks.
 
         At least one of the contacts is solved. If `judged`, the area in the continuum has a band:
-        the area minus and plus the error of the grid.
+        the area minus and plus the error of the grid. If errors were asked for, the bands are these
+        errors instead.
         """
         pressed = [contact.pressed for contact in contacts if contact.pressed is not None]
         doubts = contact_doubts(surface.heights, self.bodies, load, pressed)
@@ -287,6 +340,8 @@ class LawSolver:
         if judged:
             points = _with_grid_error(points, contacts)
             remarks = _unresolved_remark(surface, load, loads, contacts)
+        if self.order.errors is not None:
+            points = with_bands(points, self.order.errors, load)
         return SolvedSurface(
             name=surface.name,
             points=points,
@@ -365,12 +420,13 @@ def _solved_contact(
         largest_pressure=contact.largest_pressure,
         is_full=contact.contact_nodes == contact.pressure.size,
     )
+    solved = SolvedContact(quantities, pressed=pressed, budget=contact.budget)
     if not judged:
-        return SolvedContact(quantities, pressed=pressed)
+        return solved
     error = contact.grid_error()
     if not error.verdicts["area"]:
-        return SolvedContact(quantities, unresolved=error.reason, pressed=pressed)
-    return SolvedContact(quantities, grid_error=error.area_percent, pressed=pressed)
+        return replace(solved, unresolved=error.reason)
+    return replace(solved, grid_error=error.area_percent)
 
 
 def _points(contacts: Sequence[SolvedContact]) -> Points:
@@ -383,7 +439,10 @@ def _points(contacts: Sequence[SolvedContact]) -> Points:
         name: np.array([contact.quantities.get(name, np.nan) for contact in contacts])
         for name in names
     }
-    return Points(values, reasons=("",) * len(contacts))
+    budgets: tuple[Budget | None, ...] = ()
+    if any(contact.budget is not None for contact in contacts):
+        budgets = tuple(contact.budget for contact in contacts)
+    return Points(values, reasons=("",) * len(contacts), budgets=budgets)
 
 
 def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Points:
@@ -395,11 +454,10 @@ def _with_grid_error(points: Points, contacts: Sequence[SolvedContact]) -> Point
     name = CONTINUUM.in_laws
     area = points.values[name]
     error = np.array([contact.grid_error for contact in contacts])
-    return Points(
-        points.values,
+    return replace(
+        points,
         low={name: np.clip(area - error, *CONTINUUM.bounds)},
         high={name: np.clip(area + error, *CONTINUUM.bounds)},
-        reasons=points.reasons,
         unresolved=tuple(contact.unresolved for contact in contacts),
     )
 

@@ -360,6 +360,7 @@ def _law_surface(topography: Topography) -> LawSurface:
         heights=topography.heights,
         sides=topography.sides,
         boundary=topography.boundary,
+        instrument=topography.instrument,
     )
 
 
@@ -470,6 +471,27 @@ def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:
         scene = scene_of(text, ready=False)
         if scene is not None:
             yield from scene.surface.sources()
+
+
+def has_scene(inputs: Iterable[str]) -> bool:
+    """Return whether an input of a law is a scene or a database.
+
+    Parameters
+    ----------
+    inputs : iterable of str
+        Inputs of the law.
+
+    Returns
+    -------
+    bool
+        True if one is, or more.
+
+    Raises
+    ------
+    InputError
+        If the scene or the database cannot be used.
+    """
+    return any(scene_of(text, ready=False) is not None for text in inputs)
 
 
 def scene_of(text: str, *, ready: bool = True) -> Scene | None:

@@ -159,9 +159,9 @@ def composite(
     -------
     Topography
         The composite surface. It has the steps and warnings of both maps, which begin with "body 1"
-        and "body 2", and one more step. `followed` are the settings that both maps followed. Its
-        name, heights, sides and doubtful nodes are new. All other fields, as the unit, are those of
-        the map with the finer grid.
+        and "body 2", and one more step. `followed` are the settings that both maps followed, and
+        `instrument` has the larger limits of both. Its name, heights, sides and doubtful nodes are
+        new. All other fields, as the unit, are those of the map with the finer grid.
 
     Raises
     ------
@@ -184,6 +184,7 @@ def composite(
         sides=overlay.sides,
         followed=first.followed & second.followed,
         doubtful=overlay.doubtful,
+        instrument=first.instrument.or_worse(second.instrument),
         steps=(
             *(f"body 1: {line}" for line in first.steps),
             *(f"body 2: {line}" for line in second.steps),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.maps.contacts import AnswerOptions
+from gen.maps.answers import AnswerOptions
 from gen.maps.pictures import COLOURS, CYAN, Map, plot_map
 from gen.maps.read import Sides
 from gen.material import Bodies
@@ -238,7 +238,7 @@ def plot_contacts(
     last : bem.Contact
         Contact under the last load.
     rows : sequence of mapping
-        A row for each contact, in any order: the values of `gen.maps.contacts.answers` by column.
+        A row for each contact, in any order: the values of `gen.maps.answers.answers` by column.
     picture : Path
         File of the picture.
     captions : ContactCaptions

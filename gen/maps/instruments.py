@@ -7,10 +7,11 @@ readers are not shown.
 from __future__ import annotations
 
 import logging
+import math
 import re
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
@@ -21,7 +22,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from gen.maps.channels import Channel, choose_channel
-from gen.maps.scan import Scan
+from gen.maps.scan import UNITS, UNKNOWN, Instrument, Scan, unit_of
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import LARGEST
@@ -330,7 +331,34 @@ def _map_of(path: Path, reading: Reading, file: _OpenFile) -> Scan:
         unit=topography.unit,
         origin=origin,
         repeats=bool(topography.is_periodic),
+        instrument=_instrument(topography.info),
     )
+
+
+def _instrument(info: Mapping[str, Any]) -> Instrument:
+    """Return the limits of the instrument that the metadata of a map state.
+
+    SurfaceTopography keeps them under "instrument", "parameters": `resolution`, "a simple cutoff of
+    lateral scales", and `tip_radius`, each with a value and a unit.
+    """
+    try:
+        parameters = info["instrument"]["parameters"]
+    except (KeyError, TypeError):  # the reader knows no instrument, or nothing of it
+        return UNKNOWN
+    return Instrument(
+        cut_off=_length(parameters, "resolution"),
+        tip_radius=_length(parameters, "tip_radius"),
+    )
+
+
+def _length(parameters: Any, name: str) -> float | None:
+    """Return a length above 0 of an instrument [um]; None if it is missing or no such length."""
+    try:
+        value = float(parameters[name]["value"])
+        length = value * UNITS[unit_of(str(parameters[name]["unit"]))]
+    except (KeyError, TypeError, ValueError):
+        return None
+    return length if 0.0 < length < math.inf else None
 
 
 def _channel(index: int, channel: Any) -> Channel:

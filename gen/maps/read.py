@@ -21,6 +21,8 @@ from gen.maps.scan import (
     MOST_COLUMNS,
     NAMED_UNITS,
     UNITS,
+    UNKNOWN,
+    Instrument,
     Scan,
     arrange,
     factor_of,
@@ -79,6 +81,7 @@ class Topography:
     exact_spacing: Sides | None = None
     # nodes that a warning calls codes, pits or spikes, shape (nx, ny); further warnings ignore them
     doubtful: NDArray[np.bool_] | None = None
+    instrument: Instrument = UNKNOWN  # limits of the instrument, as the file states them
 
     @property
     def spacing(self) -> Sides:
@@ -307,6 +310,7 @@ def read(
         steps=tuple(steps),
         boundary=boundary,
         unit=unit.name,
+        instrument=scan.instrument,
     )
     warnings = [f"the file's own scale is overruled: {text}" for text in overruled]
     warnings += _doubts_about_scale(scan, topography)

@@ -98,6 +98,43 @@ def unit_of(name: str) -> str:
     return name
 
 
+@dataclass(frozen=True)
+class Instrument:
+    """The limits of an instrument, as the file of a map states them; None for those it does not."""
+
+    cut_off: float | None = (
+        None  # length below which the instrument resolves nothing [um]
+    )
+    tip_radius: float | None = None  # radius of the tip that traced the surface [um]
+
+    def or_worse(self, other: Instrument) -> Instrument:
+        """Return the limits of the sum of two surfaces.
+
+        Parameters
+        ----------
+        other : Instrument
+            Limits of the instrument of the other surface.
+
+        Returns
+        -------
+        Instrument
+            The larger length of each kind.
+        """
+        return Instrument(
+            cut_off=_larger(self.cut_off, other.cut_off),
+            tip_radius=_larger(self.tip_radius, other.tip_radius),
+        )
+
+
+UNKNOWN = Instrument()
+"""An instrument of which the file says nothing."""
+
+
+def _larger(first: float | None, second: float | None) -> float | None:
+    """Return the larger length of those that are known, None if neither is."""
+    return max((length for length in (first, second) if length is not None), default=None)
+
+
 @dataclass(frozen=True, eq=False)
 class Scan:
     """The numbers of a channel, and what the file says of them, in the units of the file."""
@@ -126,6 +163,7 @@ class Scan:
     names: tuple[str, ...] = ()
     # unit of the length along y, which is across the lines of a text; "" if it is `length_unit`
     y_unit: str = ""
+    instrument: Instrument = UNKNOWN  # limits of the instrument
 
 
 # largest number of columns of a list of points: three coordinates and three further numbers

@@ -63,8 +63,8 @@ FLATTEST = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class RadialSpectrum:
-    """Power spectrum of a surface, averaged over the directions of the waves in each bin."""
+class RadialWaves:
+    """The waves of a surface in bins of wavenumbers, averaged over their directions."""
 
     # geometric mean of the wavenumbers of each bin [1/um], shape (bins,)
     wavenumbers: Values
@@ -74,6 +74,12 @@ class RadialSpectrum:
     density: Values
     # number of waves in each bin, where two opposite wavevectors are one wave, shape (bins,)
     waves: Values
+
+
+@dataclass(frozen=True, eq=False)
+class RadialSpectrum(RadialWaves):
+    """Power spectrum of a surface, averaged over directions, with those of its profiles."""
+
     # mean spectral density of the profiles along x, and along y, in each bin [um^3], shape (bins,);
     # NaN in a bin without a wave along this axis. The mean square height of the profiles is the
     # integral of the density over wavenumbers of both signs, divided by 2 pi.
@@ -147,9 +153,36 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
         The spectrum. Bins without a wave are left out; there is no bin (arrays of length 0) if the
         map has too few nodes for one.
     """
+    waves = radial_waves(topography)
+    return RadialSpectrum(
+        wavenumbers=waves.wavenumbers,
+        edges=waves.edges,
+        density=waves.density,
+        waves=waves.waves,
+        along_x=_profile_density(topography, axis=0, edges=waves.edges),
+        along_y=_profile_density(topography, axis=1, edges=waves.edges),
+    )
+
+
+def radial_waves(topography: Topography) -> RadialWaves:
+    """Compute the power spectrum of a surface without those of its profiles.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface, without holes.
+
+    Returns
+    -------
+    RadialWaves
+        The waves, as in `radial_spectrum`.
+    """
     ends = _bin_ends(topography)
     if ends.size < 2:
-        return _spectrum_without_bins()
+        empty = np.empty(0)
+        return RadialWaves(
+            wavenumbers=empty, edges=np.empty((0, 2)), density=empty, waves=empty
+        )
     waves = _waves(topography).between(ends[0], ends[-1])
     places = np.searchsorted(ends, waves.wavenumbers, side="right") - 1
     bins = ends.size - 1
@@ -160,26 +193,11 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     occupied = numbers > 0
     edges = np.column_stack((ends[:-1], ends[1:]))[occupied]
     waves_of_bins = numbers[occupied]
-    return RadialSpectrum(
+    return RadialWaves(
         wavenumbers=np.exp(summed_logarithms[occupied] / waves_of_bins),
         edges=edges,
         density=summed_densities[occupied] / waves_of_bins,
         waves=waves_of_bins,
-        along_x=_profile_density(topography, axis=0, edges=edges),
-        along_y=_profile_density(topography, axis=1, edges=edges),
-    )
-
-
-def _spectrum_without_bins() -> RadialSpectrum:
-    """Return a spectrum whose arrays have length 0."""
-    empty = np.empty(0)
-    return RadialSpectrum(
-        wavenumbers=empty,
-        edges=np.empty((0, 2)),
-        density=empty,
-        waves=empty,
-        along_x=empty,
-        along_y=empty,
     )
 
 
@@ -353,14 +371,14 @@ def _rms_of_profiles(heights: Heights, axis: int) -> float:
     return float(np.std(heights - means))
 
 
-def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> float:
+def nodes_a_wave(spectrum: RadialWaves, spacing: tuple[float, float]) -> float:
     """Compute the number of nodes in the shortest wave that carries roughness.
 
     The waves that are shorter have 1 % of the mean square slope together (1 - `ROUGHNESS`).
 
     Parameters
     ----------
-    spectrum : RadialSpectrum
+    spectrum : RadialWaves
         Spectrum of the surface.
     spacing : tuple of float
         Distance of the nodes along x and y [um].

@@ -383,7 +383,7 @@ def _order(
     """
     from gen.law import Order
     from gen.law.order import require_also
-    from gen.maps.contacts import require_conductivities
+    from gen.maps.answers import require_conductivities
 
     interval = question.interval
     if interval is not None and not 0 < interval < 1:

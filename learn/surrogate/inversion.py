@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gen.arrays import Values
-from gen.law.curves import Points, texts_at, trend
+from gen.law.curves import Points, entries_at, trend
 from gen.quantities import DELTA, FORCE, PRESSURE
 
 FINE = 20
@@ -142,7 +142,7 @@ def at_arguments(points: Points, argument: str, arguments: Values) -> Points:
     places = np.searchsorted(old_arguments, arguments).clip(0, last)
     return points.changed(
         lambda _, values: _interpolate(old_arguments, values, arguments),
-        texts_at(points.reasons, places),
+        entries_at(points.reasons, places),
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bem.checks import LARGEST as LARGEST_COMPUTED
-from gen.maps.contacts import require_conductivities
+from gen.maps.answers import require_conductivities
 from gen.material import LARGEST, MOST_VALUES, Bodies, Gas, combined_modulus, loads_from
 from gen.runtime.errors import InputError
 

@@ -16,8 +16,8 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import contact_pictures
+from gen.maps.answers import AnswerOptions, answers
 from gen.maps.contact_pictures import ContactCaptions, plot_contacts
-from gen.maps.contacts import AnswerOptions, answers
 from gen.material import Bodies
 
 FRACTAL = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(4))

@@ -14,7 +14,7 @@ import pytest
 
 import bem
 from gen import cli
-from gen.maps.contacts import AnswerOptions, answers
+from gen.maps.answers import AnswerOptions, answers
 from gen.surface import generate
 from tests.bem.waves import random_waves
 

@@ -1,0 +1,406 @@
+"""Errors that a law is asked for: its bands, its columns, and what its files say of them.
+
+With --error each contact of a law is solved on the coarsest grid of its surface that gives the
+answers within these errors (`bem.accuracy`), and has a budget of its own. A mean over surfaces is
+as good as its worst surface, and a law as its worst load.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gen.arrays import Values
+from gen.law.curves import Curves, Points
+from gen.law.lines import Deviation
+from gen.law.order import Load
+from gen.maps.accuracy import (
+    NODES_X,
+    NODES_Y,
+    RELATIVE_ERROR,
+    columns_of_error,
+    columns_of_grid,
+    exact_parts,
+    is_detail,
+    parts_in_words,
+    parts_of,
+    percent,
+    quantity_of,
+)
+from gen.maps.limits import MapLimits
+from gen.quantities import (
+    CLOSURE,
+    DELTA,
+    FORCE,
+    IN_LAWS,
+    LOADS,
+    PRESSURE,
+    STIFFNESS,
+)
+from gen.runtime.documents import Row
+
+if TYPE_CHECKING:
+    from bem.budget import Budget, ErrorParts
+
+Errors = Mapping[str, float]
+"""Largest relative errors that were asked for, by the names of their answers [1]."""
+
+ANSWER_OF_FUNCTION = {
+    "conductance": "stiffness",  # they are proportional
+    "continuum_area": "area",
+    "delta": "delta",
+    "force": "force",
+    "mean_gap": "mean_gap",
+    "stiffness": "stiffness",
+}
+"""Answers whose errors are those of columns and functions that programs join, by their names."""
+
+
+def with_bands(points: Points, errors: Errors, load: Load) -> Points:
+    """Give the quantities of one surface bands as wide as their errors.
+
+    Parameters
+    ----------
+    points : Points
+        Points with budgets, under k loads.
+    errors : mapping
+        Errors that were asked for.
+    load : {"delta", "pressure"}
+        Kind of the loads, which are exact.
+
+    Returns
+    -------
+    Points
+        Points whose intervals follow from the errors, and no others.
+    """
+    low: dict[str, Values] = {}
+    high: dict[str, Values] = {}
+    for quantity, half_width in _half_widths(points, errors, load).items():
+        value = points.values[quantity]
+        low[quantity] = np.clip(value - half_width, *IN_LAWS[quantity].bounds)
+        high[quantity] = np.clip(value + half_width, *IN_LAWS[quantity].bounds)
+    return replace(points, low=low, high=high)
+
+
+def _half_widths(points: Points, errors: Errors, load: Load) -> dict[str, Values]:
+    """Return the half-widths of bands by the names of quantities in laws, each (k,).
+
+    What the half-space behind a free patch gives way is no part of its closure and its stiffness:
+    their relative errors are larger than those of Delta and of the whole stiffness.
+    """
+    values = points.values
+    relative_errors = {LOADS[load].in_laws: np.zeros(values[DELTA.in_laws].size)}
+    for name in errors:
+        errors_of_loads = _relative_errors(points, name)
+        if name == "force":
+            relative_errors[FORCE.in_laws] = errors_of_loads
+            relative_errors[PRESSURE.in_laws] = errors_of_loads
+        elif name == "stiffness":
+            relative_errors[STIFFNESS.in_laws] = errors_of_loads
+        else:
+            relative_errors[quantity_of(name).in_laws] = errors_of_loads
+    half_widths = {
+        quantity: errors_of_loads * np.abs(values[quantity])
+        for quantity, errors_of_loads in relative_errors.items()
+        if quantity in values and errors_of_loads.any()
+    }
+    given_way = (
+        values[DELTA.in_laws] - values[CLOSURE.in_laws]
+    )  # behind a free patch [um]
+    if STIFFNESS.in_laws in half_widths:
+        with np.errstate(divide="ignore", invalid="ignore"):  # without a load
+            compliance = np.nan_to_num(given_way / values[PRESSURE.in_laws])
+        half_widths[STIFFNESS.in_laws] *= 1 + compliance * values[STIFFNESS.in_laws]
+    if DELTA.in_laws in relative_errors and PRESSURE.in_laws in relative_errors:
+        half_widths[CLOSURE.in_laws] = (
+            relative_errors[DELTA.in_laws] * values[DELTA.in_laws]
+            + relative_errors[PRESSURE.in_laws] * given_way
+        )
+    return half_widths
+
+
+def _relative_errors(points: Points, name: str) -> Values:
+    """Return the relative errors of an answer, (k,) [1]; 0 without a contact."""
+    totals = [
+        budget.errors[name].total if budget and budget.errors else 0.0
+        for budget in points.budgets
+    ]
+    return np.array(totals)
+
+
+def band_of_one_surface(errors: Errors) -> str:
+    """Describe the band of one surface.
+
+    Parameters
+    ----------
+    errors : mapping
+        Errors that were asked for.
+
+    Returns
+    -------
+    str
+        Part of a line, without a full stop.
+    """
+    return f"the error, 19 times in 20, of the {_nouns(errors)}; one surface"
+
+
+def _nouns(errors: Errors) -> str:
+    """Return the names of answers for people, as "area in the continuum and Delta"."""
+    *nouns, last = [quantity_of(name).noun for name in errors]
+    if not nouns:
+        return last
+    return f"{', '.join(nouns)} and {last}"
+
+
+def worst_parts(budgets: Sequence[Budget], errors: Errors) -> dict[str, ErrorParts]:
+    """Return the largest error of each answer over some contacts.
+
+    Parameters
+    ----------
+    budgets : sequence of Budget
+        Budgets of the contacts; without any the errors are 0.
+    errors : mapping
+        Errors that were asked for.
+
+    Returns
+    -------
+    dict of str to ErrorParts
+        The largest errors by the names of the answers.
+    """
+    parts_of_budgets = [parts_of(budget, errors) for budget in budgets]
+    return {
+        name: max(
+            (parts[name] for parts in parts_of_budgets),
+            key=lambda parts: parts.total,
+            default=exact_parts(asked_error),
+        )
+        for name, asked_error in errors.items()
+    }
+
+
+def cells(table: Curves, place: int, errors: Errors, surfaces: int) -> Row:
+    """Return the cells about the errors at one argument of a table.
+
+    Parameters
+    ----------
+    table : Curves
+        Table of a law.
+    place : int
+        Index of the argument.
+    errors : mapping
+        Errors that were asked for.
+    surfaces : int
+        Number of surfaces of the law.
+
+    Returns
+    -------
+    dict
+        Nodes of the grid that was solved, and each error with its parts [%], by the columns of
+        `gen.maps.accuracy`. Of several surfaces they are the coarsest grid and the largest errors,
+        and each surface has columns of its own. All are "" at first touch.
+    """
+    budgets = table.budgets[place]
+    row = _cells(budgets, errors)
+    if surfaces > 1:
+        for number in range(1, surfaces + 1):
+            of_surface = _cells(budgets[number - 1 : number], errors)
+            row |= {
+                f"{column}_surface_{number}": cell
+                for column, cell in of_surface.items()
+                if not is_detail(column)
+            }
+    return row
+
+
+def _cells(budgets: Sequence[Budget], errors: Errors) -> Row:
+    """Return the cells about contacts of some surfaces under one load, "" without a contact."""
+    nodes = min((budget.nodes for budget in budgets), key=math.prod, default=(0, 0))
+    row = columns_of_grid(nodes)
+    for name, parts in worst_parts(budgets, errors).items():
+        row |= columns_of_error(name, parts)
+    return row if budgets else dict.fromkeys(row, "")
+
+
+def shown_cells(row: Row) -> list[str]:
+    """Return the grid and the errors of a row of `cells` as text for people.
+
+    Parameters
+    ----------
+    row : dict
+        Cells about the errors at one argument.
+
+    Returns
+    -------
+    list of str
+        Nodes as "64 x 64", then the errors with two digits, by the columns of `shown_columns`.
+    """
+    if row[NODES_X] == "":
+        return ["-" for _ in shown_columns(row)]
+    errors = [f"{row[column]:.2g}" for column in shown_columns(row)[1:]]
+    return [f"{row[NODES_X]} x {row[NODES_Y]}", *errors]
+
+
+def shown_columns(row: Row) -> list[str]:
+    """Return the titles of the columns of `shown_cells`.
+
+    Parameters
+    ----------
+    row : dict
+        Cells about the errors at one argument.
+
+    Returns
+    -------
+    list of str
+        "nodes", then the names of the columns of errors.
+    """
+    ending = f"{RELATIVE_ERROR}percent"
+    return ["nodes", *(column for column in row if column.endswith(ending))]
+
+
+def notes(
+    tables: Sequence[Curves], errors: Errors, loads: Sequence[Load]
+) -> Iterator[str]:
+    """Yield lines on the errors that were asked for, those of the contacts, and their grids.
+
+    Parameters
+    ----------
+    tables : sequence of Curves
+        Tables of a law, with at least one load.
+    errors : mapping
+        Errors that were asked for.
+    loads : sequence of {"delta", "pressure"}
+        Kinds of the loads that the user gave.
+
+    Yields
+    ------
+    str
+        A line for each error, then one about the grids and one about all other quantities.
+    """
+    budgets = _budgets(tables)
+    for name, parts in worst_parts(budgets, errors).items():
+        yield (
+            f"{quantity_of(name).noun} within {percent(parts.total)} at 95 % at every load,"
+            f" {parts_in_words(parts)}"
+        )
+    coarsest = min((budget.nodes for budget in budgets), key=math.prod)
+    finest = max((budget.nodes for budget in budgets), key=math.prod)
+    grids = (
+        f"{_size(coarsest)} to {_size(finest)}" if coarsest != finest else _size(finest)
+    )
+    largest_map = max((budget.map_nodes for budget in budgets), key=math.prod)
+    yield f"solved on {grids} nodes, where the largest map has {_size(largest_map)}"
+    others = [name for name in ("area", "mean_gap", "stiffness") if name not in errors]
+    if "pressure" in loads and "delta" not in errors:
+        others.append("delta")
+    if "delta" in loads and "force" not in errors:
+        others.append("force")
+    if others:
+        yield (
+            f"no error was asked for of {', '.join(others)}, and of what follows from them, as the"
+            " closure from delta and the conductance from stiffness"
+        )
+
+
+def note_on_contacts_between(tables: Sequence[Curves], errors: Errors) -> str:
+    """Say which errors the contacts between the loads of a law have.
+
+    Parameters
+    ----------
+    tables : sequence of Curves
+        Tables of these contacts.
+    errors : mapping
+        Errors that were asked for.
+
+    Returns
+    -------
+    str
+        One line; "" without contacts.
+    """
+    budgets = _budgets(tables)
+    if not budgets:
+        return ""
+    worst = [
+        f"{quantity_of(name).noun} within {percent(parts.total)}"
+        for name, parts in worst_parts(budgets, errors).items()
+    ]
+    return f"contacts between the loads: {', '.join(worst)} at 95 %"
+
+
+def _budgets(tables: Sequence[Curves]) -> list[Budget]:
+    """Return the budgets of all contacts of some tables."""
+    return [budget for table in tables for budgets in table.budgets for budget in budgets]
+
+
+def _size(nodes: tuple[int, int]) -> str:
+    """Return the nodes of a grid as text, as "64 x 64"."""
+    return f"{nodes[0]} x {nodes[1]}"
+
+
+def all_in_all(
+    tables: Sequence[Curves], errors: Errors, deviations: Mapping[str, Deviation]
+) -> str:
+    """Say how far curves between the points of a law are off, the errors of the points included.
+
+    Parameters
+    ----------
+    tables : sequence of Curves
+        Tables of the points.
+    errors : mapping
+        Errors that were asked for.
+    deviations : mapping
+        Largest distances of the curves from contacts, by the names of columns or functions.
+
+    Returns
+    -------
+    str
+        A sentence with a blank before it; "" if no error was asked for of any of the curves.
+    """
+    worst = worst_parts(_budgets(tables), errors)
+    texts: list[str] = []
+    for name, deviation in deviations.items():
+        answer = ANSWER_OF_FUNCTION.get(name.removesuffix("_at_pressure"), "")
+        distance = np.fmax(deviation.inside, deviation.outside)
+        if answer in worst and distance >= 0:
+            texts.append(f"{name} {percent(worst[answer].total + distance)}")
+    if not texts:
+        return ""
+    return f" With the errors of the contacts, at 95 %, these are at most: {', '.join(texts)}."
+
+
+def limits_in_words(limits: Sequence[MapLimits]) -> str:
+    """Say what the limits of the maps of a law are.
+
+    Parameters
+    ----------
+    limits : sequence of MapLimits
+        Limits of each map.
+
+    Returns
+    -------
+    str
+        One line; of several maps with the fewest nodes and the largest lengths.
+    """
+    if len(limits) == 1:
+        return f"limits of the map: {limits[0].text}"
+    return f"limits of {len(limits)} maps, the worst of each: {worst_limits(limits).text}"
+
+
+def worst_limits(limits: Sequence[MapLimits]) -> MapLimits:
+    """Return the worst limits of several maps.
+
+    Parameters
+    ----------
+    limits : sequence of MapLimits
+        Limits of each map, one or more.
+
+    Returns
+    -------
+    MapLimits
+        The fewest nodes in the shortest wave, and the largest lengths of the instruments.
+    """
+    return functools.reduce(MapLimits.or_worse, limits)
