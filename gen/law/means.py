@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bem.accuracy import work
-from bem.budget import Budget, ErrorParts, Trial
+from bem.budget import Budget, Trial
 from gen.arrays import Values
 from gen.law.contact_law import (
     Law,
@@ -32,6 +31,7 @@ from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.population import (
     ANSWERS_IN_LAWS,
     Layout,
+    MeanErrorParts,
     PopulationSearch,
     SampledGrid,
     Sampler,
@@ -53,24 +53,6 @@ BAND = (
     " waves and the solver"
 )
 """Description of the band of a law of means."""
-
-
-@dataclass(frozen=True)
-class MeanErrorParts(ErrorParts):
-    """Relative error of a mean, kept with a probability of 95 %, by its causes.
-
-    Attributes
-    ----------
-    surfaces : float
-        Error for the finite number of surfaces [1].
-    """
-
-    surfaces: float = 0.0
-
-    @property
-    def total(self) -> float:
-        """Root of the sum of the squares of all parts [1]."""
-        return math.hypot(super().total, self.surfaces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,28 +99,14 @@ class MeansOfTable:
         Returns
         -------
         dict of str to MeanErrorParts
-            The errors by the names of the answers. Without a load they are 0.
+            The errors by the names of the answers.
         """
-        errors: dict[str, MeanErrorParts] = {}
-        for name, asked_error in asked.items():
-            means = self.by_quantity[ANSWERS_IN_LAWS[name].in_laws]
-            parts = np.array([means.grid, means.waves, means.solver, means.surfaces])
-            value = abs(float(means.mean[place]))
-            if self.at[place] == 0:
-                shares = np.zeros(4)
-            elif value == 0:
-                shares = np.full(4, math.inf)
-            else:
-                shares = parts[:, place] / value
-            grid, waves, solver, surfaces = shares.tolist()
-            errors[name] = MeanErrorParts(
-                asked_error=asked_error,
-                grid=grid,
-                waves=waves,
-                solver=solver,
-                surfaces=surfaces,
+        return {
+            name: MeanErrorParts.of(
+                self.by_quantity[ANSWERS_IN_LAWS[name].in_laws], place, asked_error
             )
-        return errors
+            for name, asked_error in asked.items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +166,10 @@ class SampledMeans:
             row[f"{name}_standard_error"] = ""
         if index is None:
             return row
-        for name, parts in means.errors(index, self.asked_errors).items():
+        errors: dict[str, MeanErrorParts] = {}
+        if table.at[place] > 0:
+            errors = means.errors(index, self.asked_errors)
+        for name, parts in errors.items():
             row[f"{name}{RELATIVE_ERROR}from_surfaces_percent"] = 100 * parts.surfaces
         for name, of_quantity in means.by_quantity.items():
             standard_error = float(of_quantity.standard_error[index])
@@ -298,16 +269,19 @@ def by_means(
     sampled = SampledMeans(
         asked_errors=errors,
         tables={
-            ARGUMENTS[load]: _means_of_table(layout, means, load) for load in layout.loads
+            ARGUMENTS[load]: _means_of_table(
+                layout, means, load, from_rest=load == "delta" or load not in loads
+            )
+            for load in layout.loads
         },
         grids=search.sampled_grids,
         nodes=sampler.shape,
-        is_met=all(error.total <= error.asked_error for error in worst),
+        is_met=all(error.parts.is_met for error in worst),
         left=[error.text for error in worst],
     )
     number = search.next_surface
     about = scene_as_input(scene, scene_text, f"the means of its first {number} surfaces")
-    tables = _tables(search, means, sampled, tuple(loads))
+    tables = _tables(search, sampled, tuple(loads))
     making = Making(method="means by multilevel Monte Carlo", band=BAND)
     law = law_of(
         order=order,
@@ -360,25 +334,36 @@ def _with_other_table(sampler: Sampler) -> Layout:
     return Layout(layout.quantities, {**layout.loads, load: means})
 
 
-def _means_of_table(layout: Layout, means: Means, load: Load) -> MeansOfTable:
-    """Return the means under the loads of a table, with their errors."""
+def _means_of_table(
+    layout: Layout, means: Means, load: Load, *, from_rest: bool
+) -> MeansOfTable:
+    """Return the means under the loads of a table, with first touch before them if `from_rest`."""
     places = layout.places(load)
-    by_name: dict[str, Means] = {}
-    for row, quantity in enumerate(layout.quantities):
+    columns = np.arange(places.start, places.stop)
+    loads = layout.loads[load]
+    if from_rest:
+        columns = np.append(0, columns)
+        loads = np.append(0.0, loads)
 
-        def at_loads(part: Values, row: int = row) -> Values:
-            """Return the numbers of a quantity at the loads of the table."""
-            return layout.by_quantity(part)[row, places]
+    def of_quantity(part: Values, row: int) -> Values:
+        """Return the numbers of a quantity under these loads."""
+        numbers: Values = layout.by_quantity(part)[row, columns]
+        return numbers
 
-        by_name[quantity.in_laws] = Means(
-            mean=at_loads(means.mean),
-            standard_error=at_loads(means.standard_error),
-            surfaces=at_loads(means.surfaces),
-            grid=at_loads(means.grid),
-            waves=at_loads(means.waves),
-            solver=at_loads(means.solver),
-        )
-    return MeansOfTable(layout.loads[load], by_name)
+    return MeansOfTable(
+        loads,
+        {
+            quantity.in_laws: Means(
+                mean=of_quantity(means.mean, row),
+                standard_error=of_quantity(means.standard_error, row),
+                surfaces=of_quantity(means.surfaces, row),
+                grid=of_quantity(means.grid, row),
+                waves=of_quantity(means.waves, row),
+                solver=of_quantity(means.solver, row),
+            )
+            for row, quantity in enumerate(layout.quantities)
+        },
+    )
 
 
 def _remarks(sampled: SampledMeans) -> list[str]:
@@ -392,51 +377,52 @@ def _remarks(sampled: SampledMeans) -> list[str]:
 
 
 def _tables(
-    search: PopulationSearch,
-    means: Means,
-    sampled: SampledMeans,
-    requested: tuple[Load, ...],
+    search: PopulationSearch, sampled: SampledMeans, requested: tuple[Load, ...]
 ) -> Tables:
     """Tabulate means against Delta and against pressure, and say which loads are left out.
 
     Raises InputError if a requested table has no load that was solved on every surface.
     """
     sampler = search.sampler
-    layout = sampler.layout
-    rest = layout.by_quantity(means.mean)[:, 0]
-    at_rest = {
-        quantity.in_laws: float(value)
-        for quantity, value in zip(layout.quantities, rest, strict=True)
-        if quantity.at_rest is not None
-    }
     remarks: list[str] = []
     if sampler.doubts:
         remarks.append(f"warning: {sampler.doubts[0]}")
-    tables = {}
+    tables: dict[Load, Curves] = {}
     for load in ARGUMENTS:
-        budgets = _budgets(search, sampled, ARGUMENTS[load])
-        solved = _solved_loads(sampler, means, load, budgets)
-        if load in requested and not solved.loads.size:
-            raise InputError(f"no load was solved on every surface; {solved.remarks[0]}")
+        means = sampled.tables[ARGUMENTS[load]]
+        solved = _solved_loads(sampler, means, load, _budgets(search, sampled, means))
+        if load in requested and not (solved.loads > 0).any():
+            reason = solved.remarks[0] if solved.remarks else "give larger ones"
+            raise InputError(f"no load was solved on every surface; {reason}")
         remarks += solved.remarks
-        from_rest = load == "delta" or load not in requested
-        tables[load] = table_of(
-            load, solved, [at_rest], sampler.order, from_rest=from_rest
-        )
+        at_rest = _at_rest(sampled, sampler.layout)
+        tables[load] = table_of(load, solved, [at_rest], sampler.order, from_rest=False)
     return Tables(
         over_delta=tables["delta"], over_pressure=tables["pressure"], remarks=remarks
     )
 
 
+def _at_rest(sampled: SampledMeans, layout: Layout) -> dict[str, float]:
+    """Return the means at first touch by names in laws."""
+    table = sampled.tables[DELTA.in_laws]  # it begins there
+    return {
+        quantity.in_laws: float(table.by_quantity[quantity.in_laws].mean[0])
+        for quantity in layout.quantities
+        if quantity.at_rest is not None
+    }
+
+
 def _budgets(
-    search: PopulationSearch, sampled: SampledMeans, against: str
-) -> tuple[Budget, ...]:
-    """Return the budget of the errors under each load of a table, on the finest grid."""
+    search: PopulationSearch, sampled: SampledMeans, table: MeansOfTable
+) -> tuple[Budget | None, ...]:
+    """Return the budget of the errors under each load of a table, None at first touch."""
     finest = search.counted_levels[-1]
     dropped = float(np.mean([sample.waves_dropped for sample in finest.samples]))
-    table = sampled.tables[against]
-    budgets: list[Budget] = []
-    for place in range(table.at.size):
+    budgets: list[Budget | None] = []
+    for place, load in enumerate(table.at.tolist()):
+        if load == 0:
+            budgets.append(None)
+            continue
         trial = Trial(
             nodes=finest.nodes,
             waves_dropped=dropped,
@@ -450,24 +436,23 @@ def _budgets(
 
 
 def _solved_loads(
-    sampler: Sampler, means: Means, load: Load, budgets: tuple[Budget, ...] = ()
+    sampler: Sampler,
+    means: MeansOfTable,
+    load: Load,
+    budgets: tuple[Budget | None, ...] = (),
 ) -> SolvedLoads:
     """Return means as the contacts of one surface, under the loads solved on every surface."""
-    layout = sampler.layout
-    places = layout.places(load)
-    loads = layout.loads[load]
-    total = means.total
+    loads = means.at
     values: dict[str, Values] = {}
     low: dict[str, Values] = {}
     high: dict[str, Values] = {}
-    for row, quantity in enumerate(layout.quantities):
-        name = quantity.in_laws
-        mean = layout.by_quantity(means.mean)[row, places].copy()
-        reach = layout.by_quantity(total)[row, places]
-        reach = np.where(np.isfinite(reach), reach, np.nan)
+    for name, of_quantity in means.by_quantity.items():
+        mean = of_quantity.mean.copy()
+        reach = np.where(np.isfinite(of_quantity.total), of_quantity.total, np.nan)
+        reach[(loads == 0) & (mean == 0)] = 0.0
         values[name] = mean
-        low[name] = np.clip(mean - reach, *quantity.bounds)
-        high[name] = np.clip(mean + reach, *quantity.bounds)
+        low[name] = np.clip(mean - reach, *IN_LAWS[name].bounds)
+        high[name] = np.clip(mean + reach, *IN_LAWS[name].bounds)
     kept = np.isfinite(values[DELTA.in_laws])
     for name, mean in values.items():
         if IN_LAWS[name].diverges:  # infinite as soon as one surface is in full contact
@@ -485,20 +470,19 @@ def _solved_loads(
     return SolvedLoads(
         loads=loads[kept],
         points=[points.chosen(kept)],
-        remarks=_left_out(sampler, load, ~kept),
+        remarks=_left_out(sampler, load, loads[~kept]),
     )
 
 
-def _left_out(sampler: Sampler, load: Load, left_out: NDArray[np.bool_]) -> list[str]:
+def _left_out(sampler: Sampler, load: Load, left_out: Values) -> list[str]:
     """Say why loads are left out of a table, in a line for full contact and one for each fault."""
     lines: list[str] = []
-    loads = sampler.layout.loads[load]
-    if load == "delta" and (loads[left_out] >= sampler.full_contact).any():
+    if load == "delta" and (left_out >= sampler.full_contact).any():
         lines.append(ends_below(sampler.full_contact))
-    for place in np.flatnonzero(left_out).tolist():
-        fault = sampler.faults.get((load, place))
+    for value in left_out.tolist():
+        fault = sampler.faults.get((load, value))
         if fault:
-            text = f"{loads[place]:.4g} {LOADS[load].unit}"
+            text = f"{value:.4g} {LOADS[load].unit}"
             lines.append(f"{NOT_SOLVED} on a surface, left out: {text}: {fault}")
     return lines
 
@@ -573,4 +557,5 @@ class MeansSolver:
                     progress.advance(rows=1)
                 levels.append(level)
         means = means_of(levels, sampler.tolerance)
-        return _solved_loads(sampler, means, load)
+        table = _means_of_table(sampler.layout, means, load, from_rest=False)
+        return _solved_loads(sampler, table, load)

@@ -25,7 +25,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from bem.accuracy import OF_DROPPED
@@ -236,14 +235,17 @@ def means_of(levels: Sequence[Level], tolerance: float) -> Means:
     finest = levels[-1].samples
     dropped = float(np.mean([sample.waves_dropped for sample in finest]))
     grid = _error_of_grid(levels)
+    # An answer that is the same on all surfaces and grids is given, as Delta is.
+    is_given = (variance == 0) & (grid == 0)
+    scale = np.where(is_given, 0.0, np.abs(mean))
     grid[mean == 0] = math.inf  # as of an area where no spot is as large as a cell
     return Means(
         mean=mean,
         standard_error=standard_error,
         surfaces=surfaces,
         grid=grid,
-        waves=OF_DROPPED * dropped * np.abs(mean),
-        solver=tolerance * np.abs(mean),
+        waves=OF_DROPPED * dropped * scale,
+        solver=tolerance * scale,
     )
 
 
@@ -357,17 +359,9 @@ class Completion:
     """No further step, because all errors are met."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Unreachable:
-    """No further step, because the finest grid that there is has larger errors than asked for.
-
-    Attributes
-    ----------
-    entries : ndarray of bool, shape (m,)
-        True for the answers whose errors are too large.
-    """
-
-    entries: NDArray[np.bool_]
+    """No further step, because the finest grid that there is has larger errors than asked for."""
 
 
 Step = Sampling | Refinement | Completion | Unreachable
@@ -429,7 +423,7 @@ class Planner:
             if best is None or cost < best.cost:
                 return Refinement()
         if best is None:
-            return Unreachable(entries=means.bias > LARGEST_BIAS * largest)
+            return self._more_for_bias(levels, means, largest)
         kept = levels[best.coarsest :]
         numbers = [
             min(max(number, level.number), GROWTH * level.number)
@@ -458,6 +452,33 @@ class Planner:
             numbers=(*plan.numbers[:-1], on_finest),
             cost=plan.cost + max(further, 0) * finest.cost_of_correction,
         )
+
+    def _more_for_bias(
+        self, levels: Sequence[Level], means: Means, largest: Values
+    ) -> Sampling | Unreachable:
+        """Return more surfaces on the finest grids, if these may show that their error is smaller.
+
+        It is `Unreachable` if even the lower ends of the intervals of the last corrections are too
+        large.
+        """
+        remaining = remaining_error(levels[-1])
+        removed = np.zeros(largest.shape)
+        finest = levels[-2:]
+        for level, share in zip(finest, (0.5, 1.0)[-len(finest) :], strict=True):
+            if len(level.corrections) < 2:
+                continue
+            part = _Part.of(level.corrections)
+            removed = np.fmax(removed, share * (np.abs(part.mean) - _reach(part)))
+        with np.errstate(invalid="ignore"):
+            bias = np.hypot(remaining * removed, np.hypot(means.waves, means.solver))
+        counted = np.isfinite(largest)
+        never = (bias > LARGEST_BIAS * largest) | (means.mean == 0)
+        if len(levels[-1].corrections) < 2 or never[counted].any():
+            return Unreachable()
+        numbers = [level.number for level in levels]
+        for index in range(max(len(levels) - 2, 0), len(levels)):
+            numbers[index] *= GROWTH
+        return Sampling(coarsest=0, numbers=tuple(numbers), cost=math.inf)
 
     def largest_errors(self, means: Means) -> Values:
         """Return the errors that were asked for, in the units of the answers.

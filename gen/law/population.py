@@ -12,12 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bem import NotConverged
 from bem.accuracy import LOOSEST, OF_TOLERANCE, on_coarser_map, work
+from bem.budget import ErrorParts
 from bem.coarsening import LINES, Coarsening
 from bem.derived.grid_error import LEAST_ORDER, slope_order
 from bem.problem import NoSolution, Problem, under_load
@@ -25,6 +27,7 @@ from bem.solving import solve_posed
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts
 from gen.law.multilevel import (
+    LARGEST_BIAS,
     PILOT,
     Completion,
     Level,
@@ -38,6 +41,7 @@ from gen.law.multilevel import (
 )
 from gen.law.order import Load, Order
 from gen.law.surfaces import LawSurface, surfaces_of_scene
+from gen.maps.accuracy import parts_in_words, percent, quantity_of
 from gen.material import Bodies
 from gen.quantities import CONTINUUM, DELTA, FORCE, LOADS, MEAN_GAP, STIFFNESS, Quantity
 from gen.runtime.errors import InputError
@@ -117,7 +121,7 @@ class Layout:
             first += loads.size
         raise KeyError(load)
 
-    def by_quantity(self, answers: Values) -> Values:
+    def by_quantity(self, answers: NDArray[Any]) -> NDArray[Any]:
         """Return answers (m,) as an array of shape (quantities, columns).
 
         Parameters
@@ -178,7 +182,7 @@ class Sampler:
     full_contact : float
         Smallest displacement of full contact of the surfaces that were solved beyond it [um].
     faults : dict
-        The first reason why a contact was not solved, by kind and number of its load.
+        The first reason why a contact was not solved, by the kind and the value of its load.
     doubts : list of str
         First doubts about the contacts of the first surfaces.
     """
@@ -190,7 +194,7 @@ class Sampler:
     layout: Layout
     tolerance: float
     full_contact: float = math.inf
-    faults: dict[tuple[Load, int], str] = field(default_factory=dict)
+    faults: dict[tuple[Load, float], str] = field(default_factory=dict)
     doubts: list[str] = field(default_factory=list)
 
     @property
@@ -347,7 +351,7 @@ class Sampler:
                 except ArithmeticError as error:
                     if isinstance(error, NotConverged):
                         convolutions += error.contact.convolutions
-                    self.faults.setdefault((kind, place), str(error))
+                    self.faults.setdefault((kind, value), str(error))
                     continue
                 pressed.append(
                     Pressed(
@@ -470,7 +474,7 @@ class PopulationSearch:
                         self.coarsest += step.coarsest
                         self._sample_more(step, progress)
                     case Unreachable():
-                        raise InputError(self._unreachable(step))
+                        raise InputError(self._unreachable())
         if self.levels[0].number < 2:
             raise InputError(
                 "stopped before two surfaces were solved: there are no means"
@@ -524,26 +528,94 @@ class PopulationSearch:
         ratio = work(self.grids[len(self.levels)]) / work(finest.nodes)
         return finest.cost + same + ratio * max(finest.cost - same, 0.0)
 
-    def _unreachable(self, step: Unreachable) -> str:
+    def _unreachable(self) -> str:
         """Say which errors are not reachable, what the best ones are, and what helps."""
         rows, columns = self.sampler.shape
         worst = worst_errors(self.sampler.layout, self.means, self.planner.asked)
-        unmet = [error.text for error in worst if error.bias > error.asked_error]
+        unmet = [
+            error.text
+            for error in worst
+            if error.parts.bias > LARGEST_BIAS * error.parts.asked_error
+        ]
         return (
             f"{self.sampler.text}: not reachable on the {rows} x {columns} nodes of the scene,"
-            f" however many surfaces: {'; '.join(unmet or [error.text for error in worst])}: ask"
-            " for no less, or give the scene more nodes"
+            f" however many surfaces: {'; '.join(unmet)}: ask for no less, or give the scene more"
+            " nodes"
         )
 
 
 @dataclass(frozen=True)
-class WorstError:
-    """The largest error of an answer over the loads of a law, over the one that was asked for."""
+class MeanErrorParts(ErrorParts):
+    """Relative error of a mean, kept with a probability of 95 %, by its causes.
 
-    text: str  # in words, with its parts
-    asked_error: float  # [1]
-    total: float  # relative error [1]
-    bias: float  # relative error without that of the number of surfaces [1]
+    Attributes
+    ----------
+    surfaces : float
+        Error for the finite number of surfaces [1].
+    """
+
+    surfaces: float = 0.0
+
+    @property
+    def bias(self) -> float:
+        """Error that more surfaces do not reduce [1]."""
+        return super().total
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of the squares of all parts [1]."""
+        return math.hypot(self.bias, self.surfaces)
+
+    @classmethod
+    def of(cls, means: Means, place: int, asked_error: float) -> MeanErrorParts:
+        """Return the relative error of one of several means.
+
+        Parameters
+        ----------
+        means : Means
+            Means and their absolute errors.
+        place : int
+            Index of the mean.
+        asked_error : float
+            The error that was asked for [1].
+
+        Returns
+        -------
+        MeanErrorParts
+            The error, infinite of a mean of 0.
+        """
+        value = abs(float(means.mean[place]))
+        parts = [means.grid, means.waves, means.solver, means.surfaces]
+        shares = [float(part[place]) / value if value > 0 else math.inf for part in parts]
+        return cls(asked_error, *shares)
+
+
+@dataclass(frozen=True)
+class WorstError:
+    """The error of an answer at that load of a law where it is the largest part of what was asked.
+
+    Attributes
+    ----------
+    name : str
+        Name of the answer.
+    load : str
+        The load with its unit.
+    parts : MeanErrorParts
+        The error.
+    """
+
+    name: str
+    load: str
+    parts: MeanErrorParts
+
+    @property
+    def text(self) -> str:
+        """The error with its parts, in words."""
+        return (
+            f"{quantity_of(self.name).noun} within {percent(self.parts.total)} at 95 %,"
+            f" {parts_in_words(self.parts)}, surfaces {percent(self.parts.surfaces)} (at"
+            f" {self.load})"
+        )
 
 
 def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError]:
@@ -563,41 +635,27 @@ def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError
     list of WorstError
         One for each answer that has an error at a load.
     """
-    largest = layout.by_quantity(asked)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = {
-            name: layout.by_quantity(part / np.abs(means.mean))
-            for name, part in (
-                ("surfaces", means.surfaces),
-                ("grid", means.grid),
-                ("dropped waves", means.waves),
-                ("solver", means.solver),
-                ("total", means.total),
-                ("bias", means.bias),
-            )
-        }
+    places = layout.by_quantity(np.arange(asked.size))
     names = {quantity: name for name, quantity in ANSWERS_IN_LAWS.items()}
-    errors: list[WorstError] = []
+    worst: list[WorstError] = []
     for row, quantity in enumerate(layout.quantities):
-        known = np.isfinite(largest[row]) & ~np.isnan(relative["total"][row])
-        if not known.any():
-            continue
-        ratios = np.full(known.size, -1.0)
-        ratios[known] = relative["total"][row][known] / largest[row][known]
-        place = int(ratios.argmax())
-        parts = ", ".join(
-            f"{name} {100 * relative[name][row, place]:.2g} %"
-            for name in ("surfaces", "grid", "dropped waves", "solver")
-        )
-        total = float(relative["total"][row, place])
-        asked_error = float(largest[row, place])
-        text = (
-            f"{names[quantity]} within {100 * total:.2g} % of {100 * asked_error:.2g} % asked, at"
-            f" {_load_at(layout, place)} ({parts})"
-        )
-        bias = float(relative["bias"][row, place])
-        errors.append(WorstError(text, asked_error, total, bias))
-    return errors
+        candidates = [
+            WorstError(
+                name=names[quantity],
+                load=_load_at(layout, column),
+                parts=MeanErrorParts.of(means, int(place), float(asked[place])),
+            )
+            for column, place in enumerate(places[row])
+            if math.isfinite(asked[place]) and math.isfinite(means.mean[place])
+        ]
+        if candidates:
+            worst.append(
+                max(
+                    candidates,
+                    key=lambda error: error.parts.total / error.parts.asked_error,
+                )
+            )
+    return worst
 
 
 def _load_at(layout: Layout, place: int) -> str:
