@@ -25,6 +25,10 @@ NODES_BESIDE = 6
 # Most lines of a map, about, on which slopes are measured along each axis.
 LINES = 64
 
+# Least share of the mean square slope that twice the spacing of a grid loses [1]: smaller ones are
+# those of surfaces without waves.
+LEAST_LOST = 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class CoarserMap:
@@ -86,6 +90,41 @@ class Coarsening:
             self._map_by_nodes[nodes] = CoarserMap(heights, dropped)
         return self._map_by_nodes[nodes]
 
+    def lost_slope(self, nodes: tuple[int, ...]) -> float:
+        """Return the share of the mean square slope that twice the spacing of a grid loses.
+
+        Slopes are measured on some lines of the map, along the axis that loses more. The share
+        is sin(pi / n)^2 where a wave has n nodes of the grid.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my) of the grid, at most those of the map.
+
+        Returns
+        -------
+        float
+            Share, at least 1e-4 [1].
+        """
+        most_lost, share = 0.0, LEAST_LOST
+        for axis, slopes in enumerate(self._slopes):
+            step = self.heights.shape[axis] / nodes[axis]
+            near, far = slopes.over(step), slopes.over(2 * step)
+            if near - far > most_lost:
+                most_lost, share = near - far, max(1 - far / near, LEAST_LOST)
+        return share
+
+    @computed_once
+    def _slopes(self) -> tuple[_SlopesOverDistances, _SlopesOverDistances]:
+        """Mean square slopes along both axes, in a common unit."""
+        rows, columns = self.heights.shape
+        along = self.heights[:, :: max(1, columns // LINES)]
+        across = self.heights[:: max(1, rows // LINES)]
+        return (
+            _SlopesOverDistances.of(np.ascontiguousarray(along.T), 1.0),
+            _SlopesOverDistances.of(across, self.aspect),
+        )
+
     @computed_once
     def _mean(self) -> float:
         """Mean height of the map [um]."""
@@ -98,6 +137,38 @@ class Coarsening:
         if self.boundary == "periodic":
             return _Waves.periodic(heights, self.aspect)
         return _Waves.mirrored(heights, self.aspect)
+
+
+@dataclass(frozen=True, eq=False)
+class _SlopesOverDistances:
+    """Mean square slopes between nodes of lines at distances of 1, 2, 4 and more nodes.
+
+    Attributes
+    ----------
+    logarithms : ndarray, shape (k,)
+        Natural logarithms of the mean square slopes over 2^0 to 2^(k-1) nodes.
+    """
+
+    logarithms: Values
+
+    @classmethod
+    def of(cls, lines: Field, spacing: float) -> _SlopesOverDistances:
+        """Return the slopes along the second axis of lines of nodes at a spacing."""
+        nodes = lines.shape[1]
+        squares = []
+        for power in range(max(nodes.bit_length() - 2, 1)):
+            distance = 2**power
+            rise = lines[:, distance:] - lines[:, :-distance]
+            mean_square = 0.0
+            if rise.size:
+                mean_square = float(np.vdot(rise, rise)) / rise.size
+            squares.append(mean_square / (distance * spacing) ** 2)
+        return cls(np.log(np.maximum(squares, 1e-300)))
+
+    def over(self, distance: float) -> float:
+        """Return the mean square slope over a distance [nodes], interpolated between powers."""
+        powers = np.arange(self.logarithms.size)
+        return math.exp(np.interp(math.log2(distance), powers, self.logarithms))
 
 
 @dataclass(frozen=True, eq=False)

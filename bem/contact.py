@@ -162,6 +162,16 @@ class Contact:
         A patch that repeats itself has no border, so that edges between its opposite sides are
         included.
         """
+        crossed_along_x, crossed_along_y = self.border_edges
+        dx, dy = self.problem.spacing
+        return float(crossed_along_x * dy + crossed_along_y * dx)
+
+    @property
+    def border_edges(self) -> tuple[int, int]:
+        """Numbers of cell edges between contact and gap that lines along x and along y cross.
+
+        The patch's border is not counted, see `perimeter`.
+        """
         touching = self.pressure > 0
         along = touching
         across = touching
@@ -169,10 +179,9 @@ class Contact:
             wrapped = np.pad(touching, ((0, 1), (0, 1)), mode="wrap")
             along = wrapped[:, :-1]
             across = wrapped[:-1]
-        crossed_along_x = np.count_nonzero(along[1:] != along[:-1])
-        crossed_along_y = np.count_nonzero(across[:, 1:] != across[:, :-1])
-        dx, dy = self.problem.spacing
-        return float(crossed_along_x * dy + crossed_along_y * dx)
+        crossed_along_x = int(np.count_nonzero(along[1:] != along[:-1]))
+        crossed_along_y = int(np.count_nonzero(across[:, 1:] != across[:, :-1]))
+        return crossed_along_x, crossed_along_y
 
     @computed_once
     def continuum_area_percent(self) -> float:
@@ -209,10 +218,10 @@ class Contact:
         return contact
 
     def grid_error(self, coarse: Contact | None = None) -> GridError:
-        """Estimate the errors that the grid makes, by solving the same contact on coarser ones.
+        """Estimate the errors that the grid makes, by solving the same contact on a coarser one.
 
-        The coarser grids have about every second and every fourth node. Their contacts are solved
-        once; the answer is kept. See `bem.derived.grid_error`.
+        The coarser grid has about every second node. Its contact is solved once; the answer is
+        kept. See `bem.derived.grid_error`.
 
         Parameters
         ----------

@@ -3,19 +3,21 @@
 The coarser grid has about every second node along both axes, and its contact costs a quarter of the
 contact in question. Where both grids see the same surface, the difference of their answers bounds
 the error of the finer one. Where roughness continues down to the grid, it shows that the answers
-have no limit. A third grid of about every fourth node costs a sixteenth: the areas of two grids
-agree by chance more often than those of three.
+have no limit.
 
 Errors fall with the square of the spacing on smooth surfaces, and in proportion to it where the
 surface touches at creases, such as the ridges of a turned profile.
 
-For two reasons the differences may still be small by chance, and each of them adds a part to the
-bar. The first one is the place of the border within the cells: its part is proportional to the area
-that counting nodes adds. The second one is the highest node, from which Delta counts: it is below
-the summit of the surface by an unknown part of the height differences to its neighbours. How much a
-higher summit changes the answers at a given Delta follows from the work W that the load has done: a
-force F that grows with the power m of the approach d has W = F d / (m + 1), and W is known from
-pressure and displacement.
+For two reasons the difference may still be small by chance, and each of them adds a part to the
+bar. The first one is the place of the border within the cells: its part is proportional to the
+number of cells' edges at the border over the number of nodes in contact. The second one is the
+highest node, from which Delta counts: it is below the summit of the surface. On a smooth surface
+the parabolas through this node and its neighbours tell by how much. How much a higher summit
+changes the answers at a given Delta follows from the work W that the load has done: a force F that
+grows with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
+displacement.
+
+All parts add in squares. Their weights are fitted, by the answer and by the kind of surface.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -23,50 +25,67 @@ from __future__ import annotations  # short signatures in help()
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bem.arrays import Field, Values
+from bem.arrays import Field
+from bem.derived.coarser import coarser
 from bem.far_field import BeyondCriticalDelta
-from bem.problem import Boundary, NoSolution, Problem, check_solvable
+from bem.problem import Boundary, NoSolution, check_solvable
 from bem.threads import computed_once
 
 if TYPE_CHECKING:
     from bem.contact import Contact
 
-# Factor on the differences between the grids' answers in a bar, by the answer [1]. It is chosen
-# together with `AT_LEAST` on 1,300 contacts of waves, spheres and turned profiles, so that bars
-# hold 93 to 99 % of the true errors; other kinds of surfaces test them.
-OF_DIFFERENCE = {
-    "area": 0.65,
-    "delta": 0.80,
-    "force": 0.80,
-    "mean_gap": 0.70,
-    "stiffness": 0.65,
-}
 
-# Further factor on these differences on a free patch. Its outer cells make grids differ in
-# proportion to the spacing [1].
-OF_OUTER_CELLS = 1.5
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the parts of an answer's bar, which add in squares.
 
-# Part of a bar for the place of the border, by the answer. It is relative to the answer, and to the
-# share of the area that counting nodes adds (`GridError.counted`) [1].
-AT_LEAST = {
-    "area": 0.10,
-    "delta": 0.0,
-    "force": 0.0,
-    "mean_gap": 0.02,
-    "stiffness": 0.25,
-}
+    Attributes
+    ----------
+    difference : float
+        Weight of the difference between the answers on both grids [1].
+    border : float
+        Weight of the place of the border: part of the answer for each edge of a cell at the border
+        over the number of nodes in contact, see `GridError.border` [1].
+    yielded : float
+        Weight of the place of the border of yielded spots: part of the answer for
+        `GridError.yielded_border` [1].
+    summit : float
+        Weight of what a higher summit changes [1].
+    """
 
-# The same part where the surface touches at creases [1].
-AT_LEAST_AT_CREASES = {
-    "area": 1.0,
-    "delta": 0.02,
-    "force": 0.3,
-    "mean_gap": 0.1,
-    "stiffness": 0.5,
+    difference: float
+    border: float
+    yielded: float
+    summit: float
+
+
+# Weights of the bars, by the kind of surface and by the answer.
+WEIGHTS = {
+    "edgeless": {
+        "area": Weights(difference=0.8, border=0.0085, yielded=0.35, summit=1.5),
+        "delta": Weights(difference=0.55, border=0.0008, yielded=0.1, summit=1.5),
+        "force": Weights(difference=0.7, border=0.004, yielded=0.4, summit=2.0),
+        "mean_gap": Weights(difference=0.7, border=0.001, yielded=0.2, summit=1.4),
+        "stiffness": Weights(difference=0.75, border=0.03, yielded=0.5, summit=1.9),
+    },
+    "free": {
+        "area": Weights(difference=1.35, border=0.009, yielded=0.2, summit=1.5),
+        "delta": Weights(difference=1.35, border=0.0015, yielded=0.05, summit=1.5),
+        "force": Weights(difference=1.25, border=0.0035, yielded=0.1, summit=2.0),
+        "mean_gap": Weights(difference=1.4, border=0.0015, yielded=0.05, summit=1.4),
+        "stiffness": Weights(difference=1.0, border=0.013, yielded=0.4, summit=1.9),
+    },
+    "creased": {
+        "area": Weights(difference=2.0, border=0.03, yielded=0.2, summit=1.3),
+        "delta": Weights(difference=1.5, border=0.0012, yielded=0.1, summit=1.1),
+        "force": Weights(difference=1.2, border=0.0065, yielded=0.4, summit=0.6),
+        "mean_gap": Weights(difference=1.2, border=0.008, yielded=0.1, summit=1.3),
+        "stiffness": Weights(difference=0.75, border=0.03, yielded=0.4, summit=0.75),
+    },
 }
 
 # Ratio of the mean squares of second differences over two nodes and over one, in contact, below
@@ -77,10 +96,21 @@ OF_CREASES = 9.0
 # Largest bar of the area at creases that counts as resolved [area].
 LARGEST_AT_CREASES = 0.05
 
-# Height of the summit above the highest node, over the sum of this node's second differences along
-# both axes, on a surface whose errors fall in proportion to the spacing [1]. On a smooth surface,
-# where they fall with its square, the height is a third of it (`GridError.remaining`).
-OF_SUMMIT = 0.3
+# Height by which the summit may be above the highest node at creases, over the sum of this node's
+# second differences along both axes [1].
+OF_DROP_AT_CREASES = 0.3
+
+# Greatest height of the quadric through the highest node and its neighbours over that sum [1]. No
+# neighbour is higher than the node.
+STEEPEST_SUMMIT = 0.25
+
+# Least determinant of the second differences over the square of their sum, 1/4 for a round summit,
+# below which a summit is the crest of a ridge [1].
+FLATTEST_SUMMIT = 1e-3
+
+# Answers that depend on the open nodes as much as on those in contact. Near full contact few nodes
+# are open, so that the border is a large share of them.
+OF_OPEN_NODES = ("mean_gap", "stiffness")
 
 # Rate at which the power of the approach by which area and force rise, over its mean power, grows
 # with the share of a patch without edges that is in contact [1]. On free patches it does not grow.
@@ -106,11 +136,6 @@ NEARLY_YIELDED = 0.03
 # Fewest nodes along an axis for which a grid of every second node tells an error.
 FEWEST = 8
 
-# Least tolerance of the coarser contact [Delta]: the errors that it allows are far below the
-# difference from the finer contact. On 1,100 contacts the bars hold as many true errors as with
-# 1e-4 (`python -m bench grid-error`).
-COARSE_RTOL = 3e-3
-
 # Bounds to which the order is cut off before it sets how much error remains after halving the
 # spacing [1].
 ORDERS = math.log2(1.4), 2.0
@@ -122,7 +147,7 @@ FIRST_PLACE = {1: 2, 2: 1, 4: 0}
 
 @dataclass(frozen=True, eq=False)
 class GridError:
-    """Half-widths of 90 % bars of a contact's answers, from the same contact on coarser grids.
+    """Half-widths of 90 % bars of a contact's answers, from the same contact on a coarser grid.
 
     Attributes
     ----------
@@ -139,20 +164,21 @@ class GridError:
     creased : bool
         Whether the surface touches at creases, where errors fall in proportion to the spacing.
     summit : float
-        Height by which the summit may be above the highest node; 0 where the problem has a datum
-        of its own, from which Delta counts on every grid [um].
+        Height of the summit above the highest node; 0 where the problem has a datum of its own,
+        from which Delta counts on every grid [um].
     growth : float
         Share by which a summit of this height makes area and force grow, 0 under a given load [1].
-    counted : float
-        Share of the area in the continuum that counting nodes adds [1].
+    border : float
+        Number of cells' edges between contact and gap over the number of nodes in contact [1].
+    yielded_border : float
+        Square root of this number over the number of nodes in contact, times the share of these
+        nodes that has yielded: their border may be anywhere in its cells [1].
     spare : float
         Share of the area beyond load / hardness, which is the least possible area [1].
     contact : Contact
         The contact whose answers are judged.
     coarse : Contact or None
         The same contact on about every second node, None if it has no solution.
-    coarsest : Contact or None
-        The same contact on about every fourth node, None if it has no solution or too few nodes.
     """
 
     verdicts: Mapping[str, bool]
@@ -162,11 +188,20 @@ class GridError:
     creased: bool
     summit: float
     growth: float
-    counted: float
+    border: float
+    yielded_border: float
     spare: float
     contact: Contact = field(repr=False)
     coarse: Contact | None = field(repr=False)
-    coarsest: Contact | None = field(repr=False)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the surface, by which the weights of the bars are chosen: a key of `WEIGHTS`."""
+        if self.creased:
+            return "creased"
+        if self.contact.problem.boundary == "free":
+            return "free"
+        return "edgeless"
 
     @property
     def resolved(self) -> bool:
@@ -264,9 +299,6 @@ class GridError:
     ) -> float:
         """Return the half-width of an answer's bar in its unit, infinite without a coarser contact.
 
-        The difference to the second coarser grid is reduced to the error that would remain of it on
-        the first one. Both differences are small by chance less often than one of them.
-
         Parameters
         ----------
         name : str
@@ -276,31 +308,24 @@ class GridError:
         value : float
             The answer itself, of which the place of the border needs a share.
         at_least : float
-            Least part of the bar, in the unit of the answer.
+            Least part of the bar for the place of the border, in the unit of the answer.
         by_summit : float
             Part of the bar for the place of the summit, in the unit of the answer.
         """
         if self.coarse is None:
             return math.inf
-        is_free = self.contact.problem.boundary == "free"
-        lowest_order, highest_order = ORDERS
-        if self.creased or is_free:
-            highest_order = 1.0
-        reduction = 2 ** -min(max(self.order, lowest_order), highest_order)
-        coarse_answer = answer(self.coarse)
-        difference = answer(self.contact) - coarse_answer
-        earlier = difference
-        if self.coarsest is not None:
-            coarsest_answer = answer(self.coarsest)
-            if math.isfinite(coarsest_answer):  # the stiffness of full contact is not
-                earlier = reduction * (coarse_answer - coarsest_answer)
-        by_difference = math.hypot(difference, earlier)
-        by_difference *= OF_DIFFERENCE[name] * max(1.0, self.remaining)
-        if is_free:
-            by_difference *= OF_OUTER_CELLS
-        of_border = AT_LEAST_AT_CREASES if self.creased else AT_LEAST
-        by_border = of_border[name] * self.counted * abs(value)
-        return math.hypot(by_difference, max(by_border, at_least), by_summit)
+        weights = WEIGHTS[self.kind][name]
+        difference = answer(self.contact) - answer(self.coarse)
+        share = abs(value)
+        if name in OF_OPEN_NODES:
+            size = self.contact.pressure.size
+            share *= size / max(size - self.contact.contact_nodes, 1)
+        return math.hypot(
+            weights.difference * max(1.0, self.remaining) * difference,
+            max(weights.border * self.border * share, at_least),
+            weights.yielded * self.yielded_border * share,
+            weights.summit * by_summit,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,15 +363,12 @@ class _Opened:
 def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
     """Return the error bars of a contact, by solving it again on about every second node.
 
-    It is solved once more on about every fourth node, where these are enough.
-
     Parameters
     ----------
     contact : Contact
         The contact.
     coarse : Contact, optional
-        The same contact on about every second node if it is known, with its own bars; by default it
-        is solved.
+        The same contact on about every second node if it is known; by default it is solved.
 
     Returns
     -------
@@ -363,27 +385,20 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
     remaining = 1 / (2 ** min(max(order, lowest_order), highest_order) - 1)
     summit = 0.0
     if problem.datum is None:
-        summit = OF_SUMMIT * remaining * _drop_from_highest(problem.heights)
+        summit = _summit(problem.heights, problem.boundary, creased=creased)
     area = area_within(contact)
     spare = 1.0
     if problem.hardness is not None and area:
         spare = 1 - contact.force / problem.hardness / area
-    percent = contact.continuum_area_percent
-    counted = 0.0
-    if percent:
-        counted = abs(contact.area_percent / percent - 1)
     growth = 0.0
     if problem.delta is not None:
         growth = _growth(contact, summit)
     fault = ""
-    coarsest = None
-    if coarse is not None:
-        coarsest = coarse.grid_error().coarse
-    else:
+    if coarse is None:
         coarse, fault = _on_half_of_the_nodes(contact, summit)
-        if coarse is not None:
-            # The coarsest contact is compared only: its summit needs no check.
-            coarsest, _ = _on_half_of_the_nodes(coarse, summit=0.0)
+    nodes = max(contact.contact_nodes, 1)
+    edges = sum(contact.border_edges)
+    yielded = int(np.count_nonzero(contact.yielded))
     # Judging the bars needs the bars, so that the verdicts are filled in afterwards.
     error = GridError(
         verdicts={},
@@ -393,16 +408,16 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
         creased=creased,
         summit=summit,
         growth=growth,
-        counted=counted,
+        border=edges / nodes,
+        yielded_border=math.sqrt(edges) / nodes * yielded / nodes,
         spare=spare,
         contact=contact,
         coarse=coarse,
-        coarsest=coarsest,
     )
     verdict = _Verdict(resolved=False, reason=fault)
     if coarse is not None:
         verdict = _judged(error, coarse)
-    verdicts = dict.fromkeys(OF_DIFFERENCE, verdict.resolved)
+    verdicts = dict.fromkeys(WEIGHTS[error.kind], verdict.resolved)
     if spare <= NEARLY_YIELDED or error._opened.area_percent > 0:
         # Where the hardness decides the area, or a full contact may open between nodes, the
         # stiffness still depends on spots that the grid does not show.
@@ -473,18 +488,35 @@ def _opened_between_nodes(contact: Contact) -> _Opened:
     return _Opened(100 * min(share, 1.0), gap)
 
 
-def _drop_from_highest(heights: Field) -> float:
-    """Return by how much the highest node is above its neighbours, never negative [um].
+def _summit(heights: Field, boundary: Boundary, *, creased: bool) -> float:
+    """Return the height by which the summit may be above the highest node, never negative [um].
 
-    It is the sum of 2 z - z_before - z_after over both axes. At a border the inner neighbour counts
-    twice, on every kind of patch.
+    On a smooth surface it is the height of the quadric through the highest node and its neighbours.
+    At creases it is a share of the height differences to them. Beyond a border the surface goes on
+    as its mirror image.
     """
     row, column = np.unravel_index(int(heights.argmax()), heights.shape)
-    drop = 0.0
-    for line, place in ((heights[:, column], row), (heights[row], column)):
-        neighbours = np.pad(line, 1, mode="reflect")[[place, place + 2]]
-        drop += float(2 * line[place] - neighbours.sum())
-    return drop
+    mode: Literal["wrap", "symmetric"] = "symmetric"
+    if boundary == "periodic":
+        mode = "wrap"
+    around = np.pad(heights, 1, mode)[row : row + 3, column : column + 3]
+    around = around - around[1, 1]
+    drop = -float(around[[0, 2, 1, 1], [1, 1, 0, 2]].sum())
+    if drop == 0:
+        return 0.0
+    if creased:
+        return OF_DROP_AT_CREASES * drop
+    around /= drop
+    slopes = np.array([around[2, 1] - around[0, 1], around[1, 2] - around[1, 0]]) / 2
+    twist = float(around[2, 2] + around[0, 0] - around[2, 0] - around[0, 2]) / 4
+    bends = np.array(
+        [[-around[0, 1] - around[2, 1], -twist], [-twist, -around[1, 0] - around[1, 2]]]
+    )
+    if np.linalg.det(bends) > FLATTEST_SUMMIT:
+        rise = float(slopes @ np.linalg.solve(bends, slopes)) / 2
+    else:  # a ridge rises across its crest alone
+        rise = float(slopes @ slopes) / 2
+    return min(rise, STEEPEST_SUMMIT) * drop
 
 
 def _on_half_of_the_nodes(contact: Contact, summit: float) -> tuple[Contact | None, str]:
@@ -673,7 +705,8 @@ def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) ->
             continue
         sampled = all_lines
         if lines is not None:
-            sampled = all_lines[:, :: max(1, all_lines.shape[1] // lines)]
+            every = max(1, all_lines.shape[1] // lines)
+            sampled = np.ascontiguousarray(all_lines[:, ::every])
         slopes = [
             _mean_square_slope(sampled, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
@@ -704,107 +737,3 @@ def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
         total -= (squares[0] + squares[-1]) / 2
         count -= 1
     return float(total) / int(count) / distance**2
-
-
-def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
-    """Return the same problem on about every second node along each axis, and a pressure there.
-
-    The coarser grid consists of nodes of the finer one where every second node covers the patch:
-    with an even number of nodes on a patch that repeats itself, with an odd one on a free patch.
-    Otherwise the surface is read between its nodes: by its own waves where the patch has no edges,
-    by cubic splines on free patches. The outer nodes of a free patch stay on its border, so that
-    its outer cells reach further beyond it. Where the problem has a datum of its own, the cells of
-    both grids cover the same patch instead.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    pressure : ndarray, shape (nx, ny)
-        Contact pressure at the problem's nodes [MPa].
-
-    Returns
-    -------
-    problem : Problem
-        The problem on the coarser grid, with a tolerance of at least `COARSE_RTOL` and the same
-        load.
-    pressure : ndarray, shape of the coarser heights
-        Pressure at the finer grid's nodes nearest to the coarser ones [MPa].
-    """
-    heights = problem.heights
-    spacing = list(problem.spacing)
-    for axis in (0, 1):
-        nodes = heights.shape[axis]
-        if nodes == 1:  # there is nothing to halve
-            continue
-        on_border = problem.boundary == "free" and problem.datum is None
-        centred = problem.boundary != "periodic"
-        places = _coarser_places(nodes, on_border=on_border, centred=centred)
-        heights = _read(heights, axis, places, problem.boundary)
-        pressure = pressure.take(np.rint(places).astype(np.intp), axis)
-        spacing[axis] *= places[1] - places[0]
-    if problem.kernel == "concentrated-force":  # it needs square cells, to the last digit
-        spacing = [float(np.sqrt(spacing[0] * spacing[1]))] * 2
-    half = replace(
-        problem,
-        heights=heights,
-        spacing=(spacing[0], spacing[1]),
-        rtol=max(problem.rtol, COARSE_RTOL),
-    )
-    return half, pressure
-
-
-def _coarser_places(nodes: int, *, on_border: bool, centred: bool) -> Values:
-    """Return the places of the coarser grid's nodes along an axis, (m,) [spacing].
-
-    The outer nodes of both grids are `on_border`, or all nodes are centres of cells that cover the
-    same length: `centred` cells begin half a spacing before the first node, on both grids, and
-    otherwise the first nodes of both are the same.
-    """
-    number = (nodes + 1) // 2
-    places: Values = np.arange(number, dtype=np.float64)
-    if on_border:
-        places *= (nodes - 1) / (number - 1)
-        return places
-    step = nodes / number
-    places *= step
-    if centred:
-        places += 0.5 * step - 0.5
-    return places
-
-
-def _read(heights: Field, axis: int, places: Values, boundary: Boundary) -> Field:
-    """Return the heights [um] at places [spacing] along one axis, which may be between nodes."""
-    nodes = heights.shape[axis]
-    indices = places.astype(np.intp)
-    if np.array_equal(indices, places):  # all places are nodes
-        return np.ascontiguousarray(heights.take(indices, axis=axis))
-    if boundary == "free":
-        # Imported here, because few grids need it.
-        from scipy.interpolate import make_interp_spline
-
-        spline = make_interp_spline(np.arange(nodes), heights, 3, axis=axis)
-        return np.ascontiguousarray(spline(places))
-    weights = _wave_interpolation(nodes, places, boundary)
-    read: Field = np.moveaxis(np.tensordot(weights, heights, (1, axis)), 0, axis)
-    return np.ascontiguousarray(read)
-
-
-def _wave_interpolation(nodes: int, places: Values, boundary: Boundary) -> Field:
-    """Return weights of the nodes in the values at places, by trigonometric interpolation, (m, n).
-
-    The waves have the period of a patch that repeats itself, or are cosines on a mirrored one.
-    """
-    at_nodes = np.arange(nodes)
-    weights: Field
-    if boundary == "periodic":
-        exponents = 2j * np.pi / nodes * (at_nodes - (nodes - 1) // 2)
-        waves = np.exp(np.outer(places, exponents))
-        node_waves = np.exp(np.outer(at_nodes, exponents))
-        weights = (waves @ node_waves.conj().T).real / nodes
-        return weights
-    numbers = np.pi / nodes * at_nodes
-    cosines = np.cos(np.outer(places + 0.5, numbers))
-    node_cosines = np.cos(np.outer(at_nodes + 0.5, numbers))
-    weights = (cosines * np.where(numbers == 0, 1.0, 2.0)) @ node_cosines.T / nodes
-    return weights

@@ -35,12 +35,14 @@ from gen.maps.accuracy import (
 from gen.maps.limits import MapLimits
 from gen.quantities import (
     CLOSURE,
+    CONDUCTANCE,
     DELTA,
     FORCE,
     IN_LAWS,
     LOADS,
     PRESSURE,
     STIFFNESS,
+    Quantity,
 )
 from gen.runtime.documents import Row
 
@@ -49,16 +51,6 @@ if TYPE_CHECKING:
 
 Errors = Mapping[str, float]
 """Largest relative errors that were asked for, by the names of their answers [1]."""
-
-ANSWER_OF_FUNCTION = {
-    "conductance": "stiffness",  # they are proportional
-    "continuum_area": "area",
-    "delta": "delta",
-    "force": "force",
-    "mean_gap": "mean_gap",
-    "stiffness": "stiffness",
-}
-"""Answers whose errors are those of columns and functions that programs join, by their names."""
 
 
 def with_bands(points: Points, errors: Errors, load: Load) -> Points:
@@ -96,18 +88,12 @@ def _half_widths(points: Points, errors: Errors, load: Load) -> dict[str, Values
     values = points.values
     relative_errors = {LOADS[load].in_laws: np.zeros(values[DELTA.in_laws].size)}
     for name in errors:
-        errors_of_loads = _relative_errors(points, name)
-        if name == "force":
-            relative_errors[FORCE.in_laws] = errors_of_loads
-            relative_errors[PRESSURE.in_laws] = errors_of_loads
-        elif name == "stiffness":
-            relative_errors[STIFFNESS.in_laws] = errors_of_loads
-        else:
-            relative_errors[quantity_of(name).in_laws] = errors_of_loads
+        for quantity in _quantities_of(name):
+            relative_errors[quantity.in_laws] = _relative_errors(points, name)
     half_widths = {
-        quantity: errors_of_loads * np.abs(values[quantity])
-        for quantity, errors_of_loads in relative_errors.items()
-        if quantity in values and errors_of_loads.any()
+        column: errors_of_loads * np.abs(values[column])
+        for column, errors_of_loads in relative_errors.items()
+        if column in values and errors_of_loads.any()
     }
     given_way = (
         values[DELTA.in_laws] - values[CLOSURE.in_laws]
@@ -122,6 +108,16 @@ def _half_widths(points: Points, errors: Errors, load: Load) -> dict[str, Values
             + relative_errors[PRESSURE.in_laws] * given_way
         )
     return half_widths
+
+
+def _quantities_of(name: str) -> tuple[Quantity, ...]:
+    """Return the quantities of laws that have the relative error of an answer."""
+    match name:
+        case "stiffness":
+            return STIFFNESS, CONDUCTANCE
+        case "force":
+            return FORCE, PRESSURE
+    return (quantity_of(name),)
 
 
 def _relative_errors(points: Points, name: str) -> Values:
@@ -281,6 +277,8 @@ def notes(
     str
         A line for each error, then one about the grids and one about all other quantities.
     """
+    from bem.accuracy import ANSWERS
+
     budgets = _budgets(tables)
     for name, parts in worst_parts(budgets, errors).items():
         yield (
@@ -294,11 +292,12 @@ def notes(
     )
     largest_map = max((budget.map_nodes for budget in budgets), key=math.prod)
     yield f"solved on {grids} nodes, where the largest map has {_size(largest_map)}"
-    others = [name for name in ("area", "mean_gap", "stiffness") if name not in errors]
-    if "pressure" in loads and "delta" not in errors:
-        others.append("delta")
-    if "delta" in loads and "force" not in errors:
-        others.append("force")
+    exact = {*errors}
+    if "delta" not in loads:
+        exact.add("force")  # pressures are given
+    if "pressure" not in loads:
+        exact.add("delta")
+    others = [name for name in ANSWERS if name not in exact]
     if others:
         yield (
             f"no error was asked for of {', '.join(others)}, and of what follows from them, as the"
@@ -360,13 +359,21 @@ def all_in_all(
     str
         A sentence with a blank before it; "" if no error was asked for of any of the curves.
     """
-    worst = worst_parts(_budgets(tables), errors)
+    errors_of_functions: dict[str, float] = {}
+    for answer, parts in worst_parts(_budgets(tables), errors).items():
+        if (
+            answer == "force"
+        ):  # a pressure over the closure has the error of the closure instead
+            continue
+        for quantity in _quantities_of(answer):
+            assert quantity.law is not None  # it is a quantity of laws
+            errors_of_functions[quantity.law.short] = parts.total
     texts: list[str] = []
     for name, deviation in deviations.items():
-        answer = ANSWER_OF_FUNCTION.get(name.removesuffix("_at_pressure"), "")
-        distance = np.fmax(deviation.inside, deviation.outside)
-        if answer in worst and distance >= 0:
-            texts.append(f"{name} {percent(worst[answer].total + distance)}")
+        error = errors_of_functions.get(name.removesuffix("_at_pressure"))
+        distance = float(np.fmax(deviation.inside, deviation.outside))
+        if error is not None and distance >= 0:
+            texts.append(f"{name} {percent(error + distance)}")
     if not texts:
         return ""
     return f" With the errors of the contacts, at 95 %, these are at most: {', '.join(texts)}."

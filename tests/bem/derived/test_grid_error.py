@@ -1,14 +1,17 @@
 """The errors of a grid: bars that hold true errors, and surfaces that no grid resolves."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bem
-from bem.derived.grid_error import coarser, slope_order
+from bem.derived.coarser import coarser
+from bem.derived.grid_error import slope_order
 from bem.far_field import critical_delta
 from bem.problem import pose
+from bem.solving import solve_posed
 from tests.bem.waves import random_waves
 
 
@@ -74,6 +77,37 @@ def test_bars_hold_the_errors_of_resolved_surfaces(boundary, hardness):
             assert error.area_percent < 0.1 * contact.continuum_area_percent
             assert error.force == 0
     assert np.mean(inside) >= 0.85  # of 32, of which nine in ten are promised
+
+
+def quadric(nodes):
+    """A round summit between the nodes, with axes at an angle to the grid, and its height."""
+    x = np.arange(nodes) - 0.37 - nodes // 2
+    y = np.arange(nodes) + 0.21 - nodes // 2
+    heights = -(np.add.outer(2 * x**2, 3 * y**2) + 1.5 * np.outer(x, y))
+    return 1e-3 * heights, 0.0
+
+
+def test_the_summit_of_a_quadric_is_between_its_nodes():
+    heights, summit = quadric(17)
+    error = bem.solve(heights, 16.0, force=1e-3).grid_error()
+    assert error.summit == pytest.approx(summit - heights.max(), rel=1e-9)
+
+
+def test_a_ridge_between_nodes_is_a_summit_too():
+    x = np.arange(32) / 32
+    heights = np.cos(2 * np.pi * np.add.outer(x + 0.01, x))
+    error = bem.solve(heights, 1.0, pressure=0.1, boundary="periodic").grid_error()
+    assert error.summit == pytest.approx(1 - heights.max(), rel=0.05)
+
+
+def test_the_bar_of_a_displacement_holds_the_height_of_the_summit_and_little_more():
+    """Delta counts from the summit; the two differ by the summit's height and little else."""
+    heights, _ = quadric(65)
+    contact = bem.solve(heights, 64.0, force=0.2)
+    error = contact.grid_error()
+    assert error.summit < error.delta < 3 * error.summit
+    known = replace(contact.problem, datum=error.summit)
+    assert solve_posed(known).grid_error().delta < error.delta
 
 
 def test_a_given_displacement_leaves_the_force_uncertain():
