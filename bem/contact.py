@@ -91,7 +91,7 @@ class Contact:
         operator = displacement_filter(
             self.pressure.shape,
             problem.boundary,
-            problem.kernel,
+            problem.reduced_body,
             problem.aspect,
             "float64",
         )

@@ -358,7 +358,7 @@ def _solve_densely(
     tolerance.
     """
     hardness = problem.reduced_hardness(length)
-    matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
+    matrix = InfluenceMatrix(touching.below.shape, problem.reduced_body, problem.aspect)
     below = touching.below.reshape(-1)
     nodes = np.flatnonzero(below > -1)
     nodes = nodes[np.argsort(-below[nodes], kind="stable")]  # highest first
@@ -551,7 +551,7 @@ def _new(
     [first side of a cell / E*].
     """
     shape = touching.below.shape[0], touching.below.shape[1]
-    patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect, give)
+    patch = Patch(shape, problem.boundary, problem.reduced_body, problem.aspect, give)
     return Iterate(
         patch,
         touching.below,
@@ -876,7 +876,7 @@ def _coarse_problem(problem: Problem) -> Problem | None:
         delta -= float(problem.heights.max() - heights.max())
         end = math.inf
         if problem.far_field == "compliant":
-            end = critical_delta(heights, problem.kernel, problem.aspect)
+            end = critical_delta(heights, problem.reduced_body, problem.aspect)
         elif not free and problem.hardness is None:
             end = _mean_depth(heights)
         if delta <= 0 or delta >= NESTED_BELOW * end:

@@ -11,7 +11,7 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Field
-from bem.influence import Kernel
+from bem.bodies import Body
 from bem.iterate import Iterate
 from bem.operators.patch import Patch
 from bem.problem import NoSolution, Problem
@@ -73,15 +73,15 @@ def give_of(problem: Problem) -> float:
         As `flat_punch`.
     """
     if problem.delta is not None:
-        critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
+        critical = critical_delta(problem.heights, problem.reduced_body, problem.aspect)
         if problem.delta >= critical:
             raise BeyondCriticalDelta(problem.delta, critical)
-    punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
+    punch = flat_punch(problem.heights.shape, problem.reduced_body, problem.aspect)
     return 1 / float(punch.sum())
 
 
 @lru_cache(maxsize=8)
-def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
+def flat_punch(shape: tuple[int, int], body: Body, aspect: float = 1.0) -> Field:
     """Compute the pressure of a flat punch that displaces every node of a free patch by one.
 
     Recent results are kept for later calls with the same arguments.
@@ -90,8 +90,8 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the patch.
-    kernel : str
-        Influence coefficients, see `bem.influence.influence_coefficients`.
+    body : Body
+        Reduced body, see `bem.bodies.Body.reduced`.
     aspect : float
         Second side of a cell over its first [1].
 
@@ -105,7 +105,7 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     ArithmeticError
         If the iteration does not reach `FLAT_PUNCH_RTOL`.
     """
-    patch = Patch(shape, "free", kernel, aspect)
+    patch = Patch(shape, "free", body, aspect)
     iterate = Iterate(
         patch,
         np.zeros(shape),
@@ -115,15 +115,15 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     )
     if not ActiveSet(iterate).run():
         raise ArithmeticError(
-            f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
-            f" {iterate.violation().largest:.1e} after {iterate.iterations} iterations"
+            f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {body.kernel}:"
+            f" residual {iterate.violation().largest:.1e} after {iterate.iterations} iterations"
         )
     pressure = iterate.pressure
     pressure.setflags(write=False)
     return pressure
 
 
-def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
+def critical_delta(heights: Field, body: Body, aspect: float = 1.0) -> float:
     """Compute Delta*, at which the force on a compliant far field grows without bound.
 
     Delta* is the mean of z_max - z, weighted by the pressure of the flat punch. This pressure is
@@ -134,8 +134,8 @@ def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float
     ----------
     heights : ndarray, shape (nx, ny)
         Heights of the surface [um].
-    kernel : str
-        Influence coefficients, see `bem.influence.influence_coefficients`.
+    body : Body
+        Reduced body, see `bem.bodies.Body.reduced`.
     aspect : float
         Second side of a cell over its first [1].
 
@@ -149,5 +149,5 @@ def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float
     ArithmeticError
         As `flat_punch`.
     """
-    pressure = flat_punch(heights.shape, kernel, aspect)
+    pressure = flat_punch(heights.shape, body, aspect)
     return float((pressure * (heights.max() - heights)).sum() / pressure.sum())

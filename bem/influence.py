@@ -6,16 +6,13 @@ length and every material: a caller multiplies by spacing / E*.
 
 import math
 from functools import lru_cache
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Real, Values
+from bem.bodies import HALF_SPACE, Body
 from bem.threads import share
-
-Kernel = Literal["uniform-pressure", "concentrated-force"]
-KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
 # Pairs (d, points): from the distance d from the loaded cell [longer side of the cell], up to that
 # of the next pair, `points` Gauss-Legendre points along each side of the cell integrate 1/r over
@@ -48,7 +45,7 @@ FEW_NODES = 2**15
 
 
 def influence_coefficients(
-    shape: tuple[int, int], kernel: Kernel = "uniform-pressure", aspect: float = 1.0
+    shape: tuple[int, int], body: Body = HALF_SPACE, aspect: float = 1.0
 ) -> Field:
     """Compute the displacement at a cell's centre by unit pressure on a cell i and j cells away.
 
@@ -56,7 +53,8 @@ def influence_coefficients(
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the grid.
-    kernel : str
+    body : Body
+        Reduced body, see `Body.reduced`. The pressure of a node is spread by its `kernel`.
         "uniform-pressure": a constant pressure on a rectangular cell (Love 1929; Pohrt and Li
         2014, eq. 12). "concentrated-force": MIRCO's displacement asin(a/r)/(pi a) by a point force,
         with a = half a cell, whose diagonal lacks a factor pi/2.
@@ -69,11 +67,6 @@ def influence_coefficients(
         Displacement for the offsets i and j from 0 [first side of a cell x pressure / E*]. The
         offsets (-i, j), (i, -j) and (-i, -j) have the coefficient of (i, j). The array is
         read-only, and may be a part of a table that later calls share.
-
-    Raises
-    ------
-    ValueError
-        If the kernel is unknown.
     """
     side = _shared_side(max(shape))
     entries = side * side
@@ -82,9 +75,9 @@ def influence_coefficients(
     if entries < LARGE and (side <= ALWAYS_SHARED or wastes_little):
         tabulated = side, side
     if math.prod(tabulated) < LARGE:
-        table = _kept_table(tabulated, kernel, aspect)
+        table = _kept_table(tabulated, body, aspect)
     else:
-        table = _table(tabulated, kernel, aspect)
+        table = _table(tabulated, body, aspect)
     return table[: shape[0], : shape[1]]
 
 
@@ -101,18 +94,15 @@ def _shared_side(nodes: int) -> int:
 
 
 @lru_cache(maxsize=8)
-def _kept_table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
+def _kept_table(shape: tuple[int, int], body: Body, aspect: float) -> Field:
     """Return the result of `_table`, and keep it for later calls."""
-    return _table(shape, kernel, aspect)
+    return _table(shape, body, aspect)
 
 
-def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
-    """Compute the coefficients of all offsets (i, j) with i, j >= 0 within a grid, read-only.
-
-    Raises ValueError if the kernel is unknown.
-    """
+def _table(shape: tuple[int, int], body: Body, aspect: float) -> Field:
+    """Compute the coefficients of all offsets (i, j) with i, j >= 0 within a grid, read-only."""
     rows, columns = np.ogrid[: shape[0], : shape[1]]
-    if kernel == "uniform-pressure":
+    if body.kernel == "uniform-pressure":
         table = np.empty(shape)
 
         def tabulate(_thread: int, band: slice) -> None:
@@ -120,12 +110,8 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
 
         bands = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
         share(tabulate, bands)
-    elif kernel == "concentrated-force":
-        table = _concentrated_force(rows, columns, aspect)
     else:
-        raise ValueError(
-            f"kernel {kernel!r} is unknown: choose one of {', '.join(KERNELS)}"
-        )
+        table = _concentrated_force(rows, columns, aspect)
     table.setflags(write=False)
     return table
 
@@ -211,8 +197,8 @@ class InfluenceMatrix:
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the grid.
-    kernel : str
-        Influence coefficients, see `influence_coefficients`.
+    body : Body
+        Reduced body, see `bem.bodies.Body.reduced`.
     aspect : float
         Second side of a cell over its first side [1].
     dtype : str
@@ -227,7 +213,7 @@ class InfluenceMatrix:
     def __init__(
         self,
         shape: tuple[int, int],
-        kernel: Kernel,
+        body: Body,
         aspect: float,
         dtype: str = "float64",
     ) -> None:
@@ -236,7 +222,7 @@ class InfluenceMatrix:
         self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
         is_small = shape[0] * shape[1] <= FEW_NODES
         coefficients = _coefficients_of_small_grid if is_small else _coefficients_of_grid
-        self._coefficients = coefficients(shape, kernel, aspect, dtype, self._mirrored)
+        self._coefficients = coefficients(shape, body, aspect, dtype, self._mirrored)
 
     def between(self, nodes: Nodes, loaded: Nodes) -> Real:
         """Return the displacements of nodes by unit pressure on loaded nodes.
@@ -304,14 +290,14 @@ class InfluenceMatrix:
 
 
 def _coefficients(
-    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
+    shape: tuple[int, int], body: Body, aspect: float, dtype: str, mirrored: bool
 ) -> Real:
     """Return the flat table of the coefficients of all offsets within a grid, read-only.
 
     If `mirrored`, the table has offsets of either sign, (2 nx - 1) (2 ny - 1) entries; otherwise it
     has those from 0, nx ny entries.
     """
-    table = influence_coefficients(shape, kernel, aspect).astype(dtype)
+    table = influence_coefficients(shape, body, aspect).astype(dtype)
     if mirrored:
         table = np.concatenate([table[:0:-1], table])
         table = np.concatenate([table[:, :0:-1], table], axis=1)

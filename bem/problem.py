@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field, Mask
+from bem.bodies import HALF_SPACES, KERNELS, MODULI, POISSONS, Body, Kernel
 from bem.checks import LARGEST, Range, real_array, real_number, refuse_masked, shown
-from bem.influence import KERNELS, Kernel
 
 Boundary = Literal["free", "periodic", "mirror"]
 BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
@@ -43,8 +43,8 @@ ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "delta": Range(-math.inf, math.inf, "a finite number of um"),
     "force": Range(BELOW_ZERO, math.inf, "at least 0 uN"),
     "pressure": Range(BELOW_ZERO, math.inf, "at least 0 MPa"),
-    "modulus": Range(0, math.inf, "above 0 MPa"),
-    "poisson": Range(-1, math.nextafter(0.5, 1), "above -1 and at most 0.5"),
+    "modulus": MODULI,
+    "poisson": POISSONS,
     "hardness": Range(0, math.inf, "above 0 MPa, and finite"),
     "rtol": Range(1e-15, 1, "between 1e-15 and 1, both excluded"),
     "max_iterations": Range(0, math.inf, "a whole number of at least 1", integer=True),
@@ -85,10 +85,8 @@ class Problem:
         Normal force, None if the displacement is given [uN].
     spacing : tuple of float
         Distance of the nodes along the first and the second axis [um].
-    modulus : float
-        Plane-strain modulus E* = E / (1 - nu^2) [MPa].
-    kernel : str
-        Influence coefficients, see `bem.solve`.
+    body : Body
+        The elastic body.
     far_field : str
         "rigid" or "compliant", see `bem.solve`.
     hardness : float or None
@@ -109,14 +107,28 @@ class Problem:
     delta: float | None
     force: float | None
     spacing: tuple[float, float]
-    modulus: float
-    kernel: Kernel
+    body: Body
     far_field: FarField
     hardness: float | None
     rtol: float
     max_iterations: int
     boundary: Boundary = "free"
     datum: float | None = None
+
+    @property
+    def modulus(self) -> float:
+        """Plane-strain modulus E* = E / (1 - nu^2) of the body's surface [MPa]."""
+        return self.body.e_star
+
+    @property
+    def kernel(self) -> Kernel:
+        """Influence coefficients on a free patch, see `bem.solve`."""
+        return self.body.kernel
+
+    @property
+    def reduced_body(self) -> Body:
+        """The body in units of the first side of a cell and of its modulus E*."""
+        return self.body.reduced(self.spacing[0])
 
     @property
     def datum_height(self) -> float:
@@ -212,7 +224,7 @@ def pose(
     -------
     Problem
         The problem with a copy of the heights; a mean pressure has become a force, Young's modulus
-        and Poisson's ratio the plane-strain modulus.
+        and Poisson's ratio a body.
 
     Raises
     ------
@@ -229,8 +241,7 @@ def pose(
         delta=0.0,
         force=None,
         spacing=_checked_spacing(surface.shape, side, spacing, boundary),
-        modulus=checked("modulus", modulus) / (1 - checked("poisson", poisson) ** 2),
-        kernel=checked("kernel", kernel),
+        body=HALF_SPACES[checked("kernel", kernel)](modulus, poisson),
         far_field=checked("far_field", far_field),
         hardness=None if hardness is None else checked("hardness", hardness),
         rtol=checked("rtol", rtol),

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field
+from bem.bodies import Kernel
 from bem.checks import refuse_masked, shown
 from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start, equilibrium_of
-from bem.influence import Kernel
 from bem.problem import (
     MAX_ITERATIONS,
     RTOL,

@@ -22,7 +22,7 @@ import numpy as np
 
 import bem
 from bem.analytic import Paraboloid, PerssonInterface, area_share, distances_to_centre
-from bem.influence import KERNELS, Kernel
+from bem.bodies import KERNELS, Kernel
 from bench.files import Row
 from bench.report import Report, remark
 from gen.arrays import Heights, Values

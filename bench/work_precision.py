@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bem.influence import KERNELS, Kernel
+from bem.bodies import KERNELS, Kernel
 from bench.files import Row
 from bench.report import Report, remark
 from bench.solvers.others import installed, missing

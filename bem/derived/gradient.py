@@ -250,7 +250,7 @@ def _adjoint(contact: LinearContact, weights: Field) -> Values:
     if not contact.elastic.any():
         return np.zeros(0)
     operator = displacement_filter(
-        weights.shape, problem.boundary, problem.kernel, problem.aspect, "float64"
+        weights.shape, problem.boundary, problem.reduced_body, problem.aspect, "float64"
     )
     displacement = filtered(operator, weights)[contact.elastic]
     largest = float(np.abs(displacement).max())

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Mask, Values
+from bem.bodies import HALF_SPACE
 from bem.checks import LARGEST, Range, real_array, real_number, shown
 from bem.far_field import flat_punch
 from bem.operators.filters import filtered
@@ -292,7 +293,7 @@ def _reduced_patch_stiffness(
 ) -> float:
     """Return the force that shifts all nodes of a free patch by one [E* x second side]."""
     everywhere = np.ones(shape, dtype=bool)
-    normal = flat_punch(shape, "uniform-pressure", aspect)
+    normal = flat_punch(shape, HALF_SPACE, aspect)
     sheared = Sheared(everywhere, "free", aspect, poisson, axis)
     return sheared.stiffness(normal.ravel() * isotropic_ratio(poisson))
 

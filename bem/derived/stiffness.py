@@ -12,8 +12,8 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
+from bem.bodies import Body
 from bem.far_field import flat_punch
-from bem.influence import Kernel
 from bem.iterate import Effort, Iterate
 from bem.operators.patch import Patch
 from bem.problem import Problem, boxed
@@ -56,7 +56,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     Parameters
     ----------
     problem : Problem
-        Grid, boundary, kernel and modulus. Its far field is taken as rigid.
+        Grid, boundary and body. Its far field is taken as rigid.
     nodes : ndarray, shape (a,)
         Flat indices of the nodes, rising.
 
@@ -119,7 +119,7 @@ def pressed_on(
     Parameters
     ----------
     problem : Problem
-        Grid, boundary and kernel. Its far field is taken as rigid.
+        Grid, boundary and body. Its far field is taken as rigid.
     nodes : ndarray, shape (a,)
         Flat indices of at least one node, rising; not all nodes of a patch without edges.
     displacement : ndarray, shape (a,)
@@ -142,7 +142,7 @@ def pressed_on(
     if problem.boundary == "free":  # the rest of a free patch carries nothing
         marked = marked[boxed(marked)]
     shape = len(marked), len(marked[0])
-    patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
+    patch = Patch(shape, problem.boundary, problem.reduced_body, problem.aspect)
     interference = np.zeros(shape)
     interference[marked] = displacement
     iterate = Iterate(
@@ -180,7 +180,9 @@ def patch_stiffness(problem: Problem) -> float:
     ArithmeticError
         As `bem.far_field.flat_punch`.
     """
-    reduced = _flat_punch_force(problem.heights.shape, problem.kernel, problem.aspect)
+    reduced = _flat_punch_force(
+        problem.heights.shape, problem.reduced_body, problem.aspect
+    )
     return reduced * problem.modulus * problem.spacing[1]
 
 
@@ -209,6 +211,6 @@ def without_patch(stiffness: float, patch: float) -> float:
 
 
 @lru_cache(maxsize=8)
-def _flat_punch_force(shape: tuple[int, int], kernel: Kernel, aspect: float) -> float:
+def _flat_punch_force(shape: tuple[int, int], body: Body, aspect: float) -> float:
     """Return the force that displaces every node of a free patch by one [E* x second side]."""
-    return float(flat_punch(shape, kernel, aspect).sum())
+    return float(flat_punch(shape, body, aspect).sum())

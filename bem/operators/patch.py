@@ -2,9 +2,10 @@
 
 Lengths are in units of the cell's first side, and E* = 1. The nodes of a free patch displace one
 another by `bem.influence.influence_coefficients`. A patch without edges repeats itself or its
-mirror images without end. A wave of pressure p with the wave vector q displaces it by 2 p / (E*
-|q|) (Johnson 1985, section 13.2), and the mean pressure displaces nothing: its effect on the far
-field depends on the body behind, so that displacements count from the mean of the deformed surface.
+mirror images without end. A wave of pressure displaces it by the compliance of the body
+(`bem.bodies.Body`), and the mean pressure by the mean compliance. This is 0 for half-spaces: the
+effect of the mean on the far field depends on what is behind, so that displacements count from the
+mean of the deformed surface.
 
 The approximate inverse on a set A of nodes replaces H by a matrix C that is near H on the whole
 grid and easily inverted. The quadratic form of the inverse of C_AA is the minimum of v^T C^-1 v
@@ -24,7 +25,8 @@ import numpy as np
 from scipy import fft
 
 from bem.arrays import Field, Mask, Nodes, Real
-from bem.influence import InfluenceMatrix, Kernel, influence_coefficients
+from bem.bodies import Body
+from bem.influence import InfluenceMatrix, influence_coefficients
 from bem.operators.filters import (
     LARGE,
     CosineFilter,
@@ -92,8 +94,8 @@ class Patch:
         Nodes (nx, ny) of the grid.
     boundary : str
         "free", "periodic" or "mirror".
-    kernel : str
-        Influence coefficients of a free patch, see `bem.influence.influence_coefficients`.
+    body : Body
+        Reduced body, see `bem.bodies.Body.reduced`.
     aspect : float
         Second side of a cell over its first [1].
     give : float
@@ -131,18 +133,18 @@ class Patch:
         self,
         shape: tuple[int, int],
         boundary: Boundary,
-        kernel: Kernel,
+        body: Body,
         aspect: float,
         give: float = 0.0,
     ) -> None:
         self.shape = shape
         self.boundary = boundary
         self.give = give
-        self._kernel = kernel
+        self._body = body
         self._aspect = aspect
-        self._exact = displacement_filter(shape, boundary, kernel, aspect, "float64")
-        self._rough = displacement_filter(shape, boundary, kernel, aspect, "float32")
-        self._inverse = _inverse_filter(shape, boundary, kernel, aspect)
+        self._exact = displacement_filter(shape, boundary, body, aspect, "float64")
+        self._rough = displacement_filter(shape, boundary, body, aspect, "float32")
+        self._inverse = _inverse_filter(shape, boundary, body, aspect)
         self._means = _means_filter(shape, boundary, aspect)
         self.norm = self._exact.largest
         nodes = shape[0] * shape[1]
@@ -408,7 +410,7 @@ class Patch:
         """
         inverse = True
         stiffness = edgeless_filter(
-            self.shape, self.boundary, self._aspect, "float64", inverse
+            self.shape, self.boundary, self._body, self._aspect, "float64", inverse
         )
         pressure: Field = filtered(stiffness, displacement).copy()
         return pressure
@@ -429,7 +431,7 @@ class Patch:
         """
         if self.boundary == "free":
             return None
-        grid = self.shape, self.boundary, self._aspect
+        grid = self.shape, self.boundary, self._body, self._aspect
         return _splitting_filter(*grid), _penalty(*grid)
 
     def entries(self, nodes: Nodes, dtype: str) -> Real:
@@ -448,7 +450,7 @@ class Patch:
             Matrix in Fortran's order [1 / E*]. Most of its upper triangle is undefined.
         """
         if self.boundary == "free":
-            matrix = InfluenceMatrix(self.shape, self._kernel, self._aspect, dtype)
+            matrix = InfluenceMatrix(self.shape, self._body, self._aspect, dtype)
             return matrix.among(nodes, self.give)
         return self._edgeless_entries(nodes, dtype)
 
@@ -470,7 +472,7 @@ class Patch:
         else:
             periods = nx, ny
             images = [(rows, columns)]
-        table = _edgeless_coefficients(periods, self._aspect, dtype)
+        table = _edgeless_coefficients(periods, self._body, self._aspect, dtype)
         width = 2 * periods[1]  # columns of the table
         # Offsets may be negative: the table has two periods, and the offset (0, 0) is one period
         # from its beginning along both axes.
@@ -534,7 +536,7 @@ def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> F
 
 @kept
 def displacement_filter(
-    shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float, dtype: str
+    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float, dtype: str
 ) -> FieldFilter:
     """Return H as a filter of fields.
 
@@ -544,8 +546,8 @@ def displacement_filter(
         Nodes (nx, ny) of the patch.
     boundary : str
         "free", "periodic" or "mirror".
-    kernel : str
-        Influence coefficients of a free patch, see `bem.influence.influence_coefficients`.
+    body : Body
+        Reduced body, see `bem.bodies.Body.reduced`.
     aspect : float
         Second side of a cell over its first [1].
     dtype : str
@@ -559,10 +561,10 @@ def displacement_filter(
     """
     if boundary != "free":
         inverse = False
-        return edgeless_filter(shape, boundary, aspect, dtype, inverse)
+        return edgeless_filter(shape, boundary, body, aspect, dtype, inverse)
     if dtype == "float32":
         # Large filters of both precisions share memory.
-        exact: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
+        exact: Any = displacement_filter(shape, "free", body, aspect, "float64")
         rough: FieldFilter = exact.in_single_precision()
         return rough
     periods = fast_period(shape[0]), fast_period(shape[1])
@@ -571,7 +573,7 @@ def displacement_filter(
         np.minimum(np.arange(period // 2 + 1), nodes - 1)
         for nodes, period in zip(shape, periods, strict=True)
     )
-    table = influence_coefficients(shape, kernel, aspect)[along[:, np.newaxis], across]
+    table = influence_coefficients(shape, body, aspect)[along[:, np.newaxis], across]
     return spectral_filter(shape, even_spectrum(table), dtype, periods)
 
 
@@ -587,7 +589,12 @@ def even_spectrum(quarter: Field) -> Field:
 
 @kept
 def edgeless_filter(
-    shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str, inverse: bool
+    shape: tuple[int, int],
+    boundary: Boundary,
+    body: Body,
+    aspect: float,
+    dtype: str,
+    inverse: bool,
 ) -> FieldFilter:
     """Return H of a patch without edges, or its inverse on fields of zero mean, as a filter.
 
@@ -597,13 +604,15 @@ def edgeless_filter(
         Nodes (nx, ny) of the patch.
     boundary : str
         "periodic" or "mirror".
+    body : Body
+        Reduced body, see `bem.bodies.Body.reduced`.
     aspect : float
         Second side of a cell over its first [1].
     dtype : str
         Precision, "float64" or "float32".
     inverse : bool
-        Whether to return the inverse. It multiplies each wave by |q| / 2, while H multiplies it by
-        2 / |q|. Both make the mean 0.
+        Whether to return the inverse. It multiplies each wave by the body's stiffness, while H
+        multiplies it by the compliance. Both make the mean 0 if the mean compliance is 0.
 
     Returns
     -------
@@ -611,26 +620,44 @@ def edgeless_filter(
         The filter, shared by later calls on this thread.
     """
     if inverse:
-        spectrum = wave_numbers(shape, boundary, aspect) / 2
+        spectrum = _stiffnesses(shape, boundary, body, aspect)
     else:
-        spectrum = _compliances(shape, boundary, aspect)
+        spectrum = _compliances(shape, boundary, body, aspect)
     return _even_filter(shape, boundary, spectrum, dtype)
 
 
-def _compliances(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
-    """Return 2 / |q| of all waves, in the order of `wave_numbers`, and 0 for the mean."""
+def _compliances(
+    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
+) -> Field:
+    """Return the compliances of all waves and of the mean, in the order of `wave_numbers`."""
     numbers = wave_numbers(shape, boundary, aspect)
-    numbers[0, 0] = math.inf
-    compliances: Field = 2 / numbers
+    numbers[0, 0] = 1  # any number above 0: the entry is replaced below
+    compliances = body.compliance(numbers)
+    compliances[0, 0] = body.mean_compliance
     return compliances
 
 
-def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float:
+def _stiffnesses(
+    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
+) -> Field:
+    """Return the inverse of `_compliances`, and 0 where a compliance is 0."""
+    numbers = wave_numbers(shape, boundary, aspect)
+    numbers[0, 0] = 1  # any number above 0: the entry is replaced below
+    stiffnesses = body.stiffness(numbers)
+    stiffnesses[0, 0] = 0
+    if body.mean_compliance > 0:
+        stiffnesses[0, 0] = 1 / body.mean_compliance
+    return stiffnesses
+
+
+def _penalty(
+    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
+) -> float:
     """Return the penalty of `Patch.splitting` [first side of a cell / E*].
 
     On a single node, which has no waves, return 1.
     """
-    compliances = _compliances(shape, boundary, aspect)
+    compliances = _compliances(shape, boundary, body, aspect)
     of_waves = compliances[compliances > 0]
     if not of_waves.size:
         return 1.0
@@ -639,11 +666,11 @@ def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float
 
 @kept
 def _splitting_filter(
-    shape: tuple[int, int], boundary: Boundary, aspect: float
+    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
 ) -> FieldFilter:
-    """Return the filter (H + c)^-1 of `Patch.splitting`, by the spectrum 1 / (2 / |q| + c)."""
-    compliances = _compliances(shape, boundary, aspect)
-    penalised = compliances + _penalty(shape, boundary, aspect)
+    """Return the filter (H + c)^-1 of `Patch.splitting`."""
+    compliances = _compliances(shape, boundary, body, aspect)
+    penalised = compliances + _penalty(shape, boundary, body, aspect)
     return _even_filter(shape, boundary, 1 / penalised, "float64")
 
 
@@ -662,7 +689,7 @@ def _even_filter(
 
 @kept
 def _inverse_filter(
-    shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
+    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
 ) -> FieldFilter:
     """Return the inverse of a matrix C near H as a filter in single precision.
 
@@ -674,9 +701,11 @@ def _inverse_filter(
     columns = _whole_blocks(shape[1])
     if boundary != "free":
         inverse = True
-        return edgeless_filter((rows, columns), boundary, aspect, "float32", inverse)
+        return edgeless_filter(
+            (rows, columns), boundary, body, aspect, "float32", inverse
+        )
     periods = _fast_length(rows), _fast_length(shape[1])
-    table = influence_coefficients(periods, kernel, aspect)
+    table = influence_coefficients(periods, body, aspect)
     for period in periods:
         # c_k = ((m - k) t_k + k t_(m - k)) / m along an axis of period m, the mean over a diagonal
         # of the matrix and the diagonal that continues it when the axis is wrapped.
@@ -768,15 +797,16 @@ def _block_sums(field: Real, factors: Real | None = None) -> Real:
 
 
 @lru_cache(maxsize=4)
-def _edgeless_coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
+def _edgeless_coefficients(
+    periods: tuple[int, int], body: Body, aspect: float, dtype: str
+) -> Real:
     """Return the displacement by a unit pressure on one node of each period.
 
     The table is flat and read-only. It has two periods along each axis, so that offsets of either
-    sign can be looked up. Its mean is zero [first side of a cell / E*].
+    sign can be looked up. Its sum is the mean compliance [first side of a cell / E*].
     """
-    stiffnesses = wave_numbers(periods, "periodic", aspect) / 2
-    stiffnesses[0, 0] = math.inf
-    table = fft.irfft2(1 / stiffnesses, s=periods).astype(dtype)
+    compliances = _compliances(periods, "periodic", body, aspect)
+    table = fft.irfft2(compliances, s=periods).astype(dtype)
     twice = np.tile(table, (2, 2)).reshape(-1)
     twice.setflags(write=False)
     return twice

@@ -23,7 +23,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
-from bem.influence import Kernel
+from bem.bodies import Kernel
 from bench.references.half_space import Field, displacement, influence_coefficients
 
 Nodes = NDArray[np.intp]

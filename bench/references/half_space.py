@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 from scipy.sparse.linalg import LinearOperator, cg
 
-from bem.influence import Kernel
+from bem.bodies import Kernel
 
 Field = NDArray[np.float64]
 """Values at the nodes, of shape (nx, ny) unless a function states another one."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bem.influence import KERNELS, Kernel
+from bem.bodies import KERNELS, REDUCED, Kernel
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
 from bem.problem import Boundary, node_spacing
@@ -141,7 +141,9 @@ class Case:
         """
         if self.load is None:
             shape = (self.nodes, self.nodes)
-            operator = displacement_filter(shape, "free", self.kernel, 1.0, "float64")
+            operator = displacement_filter(
+                shape, "free", REDUCED[self.kernel], 1.0, "float64"
+            )
             return filtered(operator, pressure) * self.spacing
         along = np.fft.fftfreq(self.nodes, self.spacing)
         across = np.abs(along[: self.nodes // 2 + 1])

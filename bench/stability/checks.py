@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import bem
-from bem.influence import Kernel
+from bem.bodies import Kernel
 from bench.references.half_space import Field, displacement, flat_punch
 from bench.stability.case import Answer, Case, Finding, Refusal, one_line
 from bench.stability.setup import DELTA, Setup, cropped_paper, paper

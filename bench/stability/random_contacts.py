@@ -15,7 +15,7 @@ from unittest import mock
 import numpy as np
 
 import bem
-from bem.influence import Kernel
+from bem.bodies import Kernel
 from bem.operators import patch
 from bench.references import dense, surfaces
 from bench.references.edgeless import Boundary, Patch

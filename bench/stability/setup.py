@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 import bem
 from bem.analytic import Indenter, distances_to_centre
-from bem.influence import Kernel
+from bem.bodies import Kernel
 from bem.problem import MAX_ITERATIONS, Boundary, FarField, node_spacing
 from bench.references.half_space import Field
 from gen.generation.plan import parameters, surface_random

@@ -11,8 +11,8 @@ import numpy as np
 
 import bem
 from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid
+from bem.bodies import KERNELS, Kernel
 from bem.far_field import BeyondCriticalDelta
-from bem.influence import KERNELS, Kernel
 from bench.references import dense
 from bench.references.half_space import Field, critical_delta, influence_coefficients
 from bench.stability.case import Case, Refusal

@@ -21,9 +21,9 @@ from scipy import optimize
 
 import bem
 from bem import influence
+from bem.bodies import HALF_SPACE, KERNELS, REDUCED, Kernel
 from bem.derived.flow import flows_through
 from bem.derived.stiffness import punch_of
-from bem.influence import KERNELS, Kernel
 from bem.operators import patch
 from bem.operators.filters import filtered
 from bem.operators.patch import Patch, displacement_filter
@@ -114,7 +114,9 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
     if benchmark.stats is not None:
         rows, columns = contacts[0].pressure.shape
         kernel = contacts[0].problem.kernel
-        operator = displacement_filter((rows, columns), "free", kernel, 1.0, "float64")
+        operator = displacement_filter(
+            (rows, columns), "free", REDUCED[kernel], 1.0, "float64"
+        )
         # The transform works in place. A field that is not 0 would grow from one call to the next.
         operator.field.fill(0)
         bare = min(seconds_of(operator.transform, 50))
@@ -134,7 +136,7 @@ def test_influence_coefficients(
     def tabulate() -> NDArray[np.float64]:
         """Compute the table anew."""
         influence._kept_table.cache_clear()
-        return influence.influence_coefficients((nodes, nodes), kernel)
+        return influence.influence_coefficients((nodes, nodes), REDUCED[kernel])
 
     table = benchmark(tabulate)
     self_displacement = {
@@ -152,7 +154,7 @@ def test_influence_coefficients(
 def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
     """Compute displacements from pressures, and compare them with direct sums."""
     pressure = random_field(nodes).astype(dtype)
-    operator = displacement_filter((nodes, nodes), "free", "uniform-pressure", 1.0, dtype)
+    operator = displacement_filter((nodes, nodes), "free", HALF_SPACE, 1.0, dtype)
     displacement = benchmark(filtered, operator, pressure)
     expected = references.displacement(pressure.astype(np.float64), "uniform-pressure")
     accepted = {"float64": 1e-12, "float32": 1e-5}[dtype] * np.abs(expected).max()
@@ -165,7 +167,7 @@ def test_approximate_inverse(
     benchmark: BenchmarkFixture, boundary: Boundary, nodes: int
 ) -> None:
     """Precondition half of the nodes; the operator is symmetric and positive definite."""
-    operator = Patch((nodes, nodes), boundary, "uniform-pressure", 1.0)
+    operator = Patch((nodes, nodes), boundary, HALF_SPACE, 1.0)
     operator.take_contact(random_field(nodes) > 0)
     residual, other = (random_field(nodes, seed) * operator.contact for seed in (1, 2))
 

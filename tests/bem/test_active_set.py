@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import bem
 from bem.active_set import ActiveSet
+from bem.bodies import HALF_SPACE, KERNELS, REDUCED
 from bem.far_field import critical_delta
-from bem.influence import KERNELS
 from bem.iterate import Iterate
 from bem.operators.patch import Patch
 from bench.references import dense
@@ -87,7 +87,7 @@ def complementary(pressure, gaps, hardness):
 def test_loads_are_carried_to_the_last_digit(seed, share, whole, hardness):
     """Whole multiples of the hardness on a node, too, are ordinary loads."""
     heights = surface("self-affine", (9, 8), seed)
-    patch, below = Patch((9, 8), "free", "uniform-pressure", 1.0), heights - heights.max()
+    patch, below = Patch((9, 8), "free", HALF_SPACE, 1.0), heights - heights.max()
     load = share * 72 * min(hardness, 1.0)
     if whole and hardness < np.inf:
         load = hardness * max(round(share * 71), 1)
@@ -105,7 +105,7 @@ class Spoiled(Patch):
     """A matrix whose exact displacements differ from those in conjugate gradients."""
 
     def __init__(self, spoil):
-        super().__init__((9, 9), "free", "uniform-pressure", 1.0)
+        super().__init__((9, 9), "free", HALF_SPACE, 1.0)
         self._spoil, self.few, self.exact = spoil, 0, 0
 
     def displace(self, pressure, *, exactly=False):
@@ -147,7 +147,7 @@ def test_residuals_that_are_nan_end_the_solve():
 def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel):
     """The message does not ask for more iterations where rounding ends the solve."""
     heights = surface("self-affine", (33, 33))
-    delta = 0.999 * critical_delta(heights, kernel)
+    delta = 0.999 * critical_delta(heights, REDUCED[kernel])
     settings = {"kernel": kernel, "far_field": "compliant", "max_iterations": 3000}
     with pytest.raises(
         bem.NotConverged, match="rounding leaves no smaller one; raise rtol"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 import bem
-from bem.influence import KERNELS
+from bem.bodies import KERNELS
 from bem.operators.patch import fast_period
 from bem.problem import FAR_FIELDS
 from bench.references import dense

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import bem
 from bem.active_set import ActiveSet
+from bem.bodies import KERNELS, REDUCED
 from bem.far_field import critical_delta
-from bem.influence import KERNELS
 from bem.iterate import Iterate
 from bem.operators.patch import Patch
 from bem.problem import FAR_FIELDS
@@ -42,7 +42,7 @@ def reach(heights, kernel, far_field, depth):
     """Largest Delta of a test: `depth` um, or below what a compliant far field can hold."""
     if far_field == "rigid":
         return depth
-    critical = critical_delta(heights, kernel)
+    critical = critical_delta(heights, REDUCED[kernel])
     assume(critical > 1e-3)  # surfaces that are flat have no equilibrium
     return min(depth, 0.98 * critical)
 
@@ -89,7 +89,10 @@ def test_every_start_leads_to_the_same_pressure(
 ):
     """From no pressure to a thousand times too much, on few nodes or all: there is one solution."""
     heights = surface(kind, shape, seed)
-    patch, below = Patch(shape, "free", kernel, 1.0), (heights - heights.max()) / depth
+    patch, below = (
+        Patch(shape, "free", REDUCED[kernel], 1.0),
+        (heights - heights.max()) / depth,
+    )
     random = np.random.default_rng(seed)
     iterate = Iterate(patch, below, shift=1.0, rtol=RTOL, max_iterations=5000)
     iterate.begin(scale * random.random(shape) * (random.random(shape) < loaded))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import bem
 from bem import dense, equilibrium
-from bem.influence import KERNELS
+from bem.bodies import KERNELS
 from bem.operators import filters
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
+from bem.bodies import REDUCED
 from bem.derived import border
 from bem.influence import influence_coefficients
 from tests.bem.waves import random_waves
@@ -205,7 +206,7 @@ def test_edges_in_line_on_cells_of_one_to_three():
 
 def test_the_layer_below_concentrated_forces():
     tables = [
-        influence_coefficients((400, 400), kernel)
+        influence_coefficients((400, 400), REDUCED[kernel])
         for kernel in ("concentrated-force", "uniform-pressure")
     ]
     weights = np.where(np.arange(400) == 0, 1, 2)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bem
+from bem.bodies import HALF_SPACE
 from bem.derived.coarser import coarser
 from bem.derived.grid_error import slope_order
 from bem.far_field import critical_delta
@@ -140,7 +141,7 @@ def test_a_higher_summit_is_in_the_bars_at_a_given_displacement(boundary, yields
 def test_a_displacement_beyond_the_critical_one_of_half_of_the_nodes_is_the_reason():
     """On a compliant far field, half of the nodes are not in full contact, but in none at all."""
     heights = fractal(17, 0.8, 0)
-    delta = 0.99 * critical_delta(heights, "uniform-pressure")
+    delta = 0.99 * critical_delta(heights, HALF_SPACE)
     error = bem.solve(heights, 1.0, delta, far_field="compliant").grid_error()
     assert not error.resolved
     assert "Delta*" in error.reason

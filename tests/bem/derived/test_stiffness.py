@@ -8,6 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bem
+from bem.bodies import HALF_SPACE
 from bem.derived.stiffness import PUNCH_RTOL, patch_stiffness, punch_of
 from bem.influence import InfluenceMatrix
 from bem.operators.patch import Patch
@@ -182,9 +183,11 @@ def test_any_set_has_the_stiffness_of_dense_algebra(seed, share, aspect):
         )  # fmt: skip
         if boundary == "free":
             every = np.arange(problem.heights.size)
-            matrix = InfluenceMatrix(shape, problem.kernel, aspect).between(every, every)
+            matrix = InfluenceMatrix(shape, problem.reduced_body, aspect).between(
+                every, every
+            )
         else:
-            patch = Patch(shape, boundary, "uniform-pressure", aspect)
+            patch = Patch(shape, boundary, HALF_SPACE, aspect)
             units = np.eye(problem.heights.size).reshape(-1, *shape)
             matrix = np.stack(
                 [patch.displace(unit, exactly=True).reshape(-1).copy() for unit in units]

@@ -6,6 +6,7 @@ import threading
 import numpy as np
 import pytest
 
+from bem.bodies import HALF_SPACE
 from bem.operators import filters
 from bem.operators.filters import (
     CosineFilter,
@@ -18,7 +19,7 @@ from bem.operators.patch import displacement_filter, fast_period
 from bem.threads import on_threads
 
 SHAPES = [(64, 40), (100, 30), (129, 64), (40, 90), (33, 33), (1, 17), (31, 1)]
-FREE = "free", "uniform-pressure", 1.0
+FREE = "free", HALF_SPACE, 1.0
 
 
 def spectrum_of(shape, even=True):

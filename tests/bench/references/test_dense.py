@@ -7,7 +7,7 @@ from scipy.optimize import nnls
 
 import bem
 import bem.influence
-from bem.influence import KERNELS
+from bem.bodies import KERNELS
 from bench.references import dense, half_space
 from bench.references.edgeless import Patch
 from bench.references.surfaces import SURFACES, surface
