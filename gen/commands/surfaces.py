@@ -295,6 +295,7 @@ def law(
     contact_law, signal = _made(order, context, time_limit)
     show(contact_law)
     if signal:
+        echo("interrupted: no file is written", err=True)
         return 128 + signal
     for path in write_files(contact_law, files, figure):
         echo(f"wrote {path}")

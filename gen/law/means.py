@@ -535,7 +535,7 @@ class MeansSolver:
         Returns
         -------
         SolvedLoads
-            Means under the loads that were solved on every surface.
+            Means under the loads that were solved on every surface; under none if it has to stop.
         """
         search = self.search
         sampler = replace(
@@ -553,6 +553,8 @@ class MeansSolver:
                 coarser = grids[number - 1].nodes if number else None
                 level = Level(grid.nodes)
                 for surface in grid.surfaces:
+                    if search.must_stop():
+                        return SolvedLoads(loads=np.empty(0), points=[])
                     level.samples.append(sampler.sample(surface, grid.nodes, coarser))
                     progress.advance(rows=1)
                 levels.append(level)

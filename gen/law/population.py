@@ -461,7 +461,7 @@ class PopulationSearch:
         with RunProgress(PILOT, "surfaces") as progress:
             for _ in range(min(FIRST_LEVELS, len(self.grids))):
                 self._refine(progress)
-            while not self._must_stop():
+            while not self.must_stop():
                 step = self.planner.next_step(
                     self.levels[self.coarsest :], self._cost_of_finer()
                 )
@@ -480,8 +480,14 @@ class PopulationSearch:
                 "stopped before two surfaces were solved: there are no means"
             )
 
-    def _must_stop(self) -> bool:
-        """Return whether to stop, and note it."""
+    def must_stop(self) -> bool:
+        """Tell whether to stop, and note it.
+
+        Returns
+        -------
+        bool
+            True if it has to, or had to before.
+        """
         self.stopped = self.stopped or self.stopping()
         return self.stopped
 
@@ -509,7 +515,7 @@ class PopulationSearch:
         level = self.levels[number]
         coarser = self.grids[number - 1] if number > self.coarsest else None
         for _ in range(surfaces):
-            if self._must_stop():
+            if self.must_stop():
                 return
             index = self.next_surface
             level.samples.append(self.sampler.sample(index, level.nodes, coarser))
