@@ -4,6 +4,7 @@ Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """
 
 from bem.accuracy import NotReachable, Surface, solve_within
+from bem.bodies import Body, HalfSpace, Layered
 from bem.budget import Budget
 from bem.contact import Contact
 from bem.derived.grid_error import GridError
@@ -15,9 +16,12 @@ from bem.threads import keep_freed_memory
 keep_freed_memory()
 
 __all__ = [
+    "Body",
     "Budget",
     "Contact",
     "GridError",
+    "HalfSpace",
+    "Layered",
     "NoSolution",
     "NotConverged",
     "NotReachable",

@@ -295,6 +295,10 @@ def _refuse_settings(settings: Mapping[str, Any]) -> None:
             f"kernel = {shown(settings['kernel'])}: with an error use 'uniform-pressure', because"
             " the other one belongs to its grid"
         )
+    if settings.get("body") is not None:
+        raise ValueError(
+            "body is given: with an error the body is a half-space, by modulus and poisson"
+        )
     if settings.get("far_field", "rigid") != "rigid":
         raise ValueError(
             f"far_field = {shown(settings['far_field'])}: with an error use 'rigid', because the"

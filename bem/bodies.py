@@ -9,17 +9,23 @@ hardness and tolerances; the function C(|q|) is the body.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
+
+import numpy as np
 
 from bem.arrays import Field
-from bem.checks import Range, real_number
+from bem.checks import Range, real_number, shown
 
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
-# Numbers that a material may have.
+# Numbers that a material and a layer may have.
 MODULI = Range(0, math.inf, "above 0 MPa")
+THICKNESSES = Range(0, math.inf, "above 0 um")
 POISSONS = Range(-1, math.nextafter(0.5, 1), "above -1 and at most 0.5")
+
+# Last power of the series in `_scaled_rest`: the next one would be below rounding.
+LAST_POWER = 19
 
 
 class Body(ABC):
@@ -32,6 +38,11 @@ class Body(ABC):
     """
 
     kernel: ClassVar[Kernel] = "uniform-pressure"
+
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether it is a half-space of one material, so that no length belongs to it."""
+        return False
 
     @property
     @abstractmethod
@@ -100,7 +111,6 @@ class Body(ABC):
         )
         return stiffness
 
-    @abstractmethod
     def reduced(self, length: float) -> "Body":
         """Return the body in units of a length and of its modulus E*.
 
@@ -112,9 +122,12 @@ class Body(ABC):
         Returns
         -------
         Body
-            The body, whose `e_star` is 1. Bodies that differ in units alone are equal, so that they
-            share tables and filters.
+            The body, whose `e_star` is 1. All half-spaces with one kernel are the same then, so
+            that they share tables and filters.
         """
+        if self.is_homogeneous:
+            return REDUCED[self.kernel]
+        return _Reduced(self, length)
 
 
 @dataclass(frozen=True)
@@ -146,13 +159,14 @@ class HalfSpace(Body):
         """Plane-strain modulus E / (1 - nu^2) [MPa]."""
         return self.modulus / (1 - self.poisson**2)
 
+    @property
+    def is_homogeneous(self) -> bool:
+        """True."""
+        return True
+
     def relative_compliance(self, wave_numbers: Field) -> float:
         """Return 1, whatever the wave numbers are."""
         return 1.0
-
-    def reduced(self, length: float) -> Body:
-        """Return `HALF_SPACE`: a half-space has no length of its own."""
-        return REDUCED[self.kernel]
 
 
 @dataclass(frozen=True)
@@ -163,6 +177,264 @@ class ConcentratedForces(HalfSpace):
     """
 
     kernel: ClassVar[Kernel] = "concentrated-force"
+
+
+@dataclass(frozen=True)
+class Layered(Body):
+    """A layer of one thickness, bonded to what it lies on, without friction at its surface.
+
+    Attributes
+    ----------
+    thickness : float
+        Thickness of the layer [um].
+    modulus : float
+        Young's modulus of the layer [MPa].
+    poisson : float
+        Poisson's ratio of the layer [1].
+    base : HalfSpace or "rigid"
+        What the layer lies on.
+
+    Raises
+    ------
+    ValueError
+        If a number is not in its range, or the base is neither of the two.
+    """
+
+    thickness: float
+    modulus: float
+    poisson: float
+    base: HalfSpace | Literal["rigid"]
+
+    def __post_init__(self) -> None:
+        """Check the numbers and the base."""
+        thickness = real_number("thickness", self.thickness, THICKNESSES)
+        object.__setattr__(
+            self, "thickness", thickness
+        )  # the class is frozen for its users
+        _check_material(self, self.modulus, self.poisson)
+        if type(self.base) is not HalfSpace and self.base != "rigid":
+            raise ValueError(
+                f"base = {shown(self.base)}: must be a bem.HalfSpace or 'rigid'"
+            )
+
+    @property
+    def e_star(self) -> float:
+        """Plane-strain modulus E / (1 - nu^2) of the layer [MPa]."""
+        return self.modulus / (1 - self.poisson**2)
+
+    @property
+    def mean_compliance(self) -> float:
+        """Thickness over the modulus of compression between plates on a rigid base [um / MPa].
+
+        It is 0 for an incompressible layer, and by convention on a half-space.
+        """
+        if self.base != "rigid":
+            return 0.0
+        nu = self.poisson
+        return self.thickness * (1 + nu) * (1 - 2 * nu) / ((1 - nu) * self.modulus)
+
+    @property
+    def _shear_ratio(self) -> float:
+        """Shear modulus of the layer over that of the base, 0 on a rigid base [1]."""
+        if not isinstance(self.base, HalfSpace):
+            return 0.0
+        layer = self.modulus / (1 + self.poisson)
+        return layer / (self.base.modulus / (1 + self.base.poisson))
+
+    def relative_compliance(self, wave_numbers: Field) -> Field:
+        """Compute the compliance over that of a half-space of the layer's material.
+
+        The formula is that of O'Sullivan and King (1988, Journal of Tribology 110, 235) for a
+        normal load without friction. Its numerator and denominator are written by sums in which
+        nothing cancels, so that thin layers, incompressible ones and a rigid base, which is the
+        shear ratio 0, lose no digits.
+
+        Parameters
+        ----------
+        wave_numbers : ndarray
+            Wave numbers |q|, above 0 [1/um].
+
+        Returns
+        -------
+        ndarray
+            Ratio for each wave number [1].
+        """
+        ratio = self._shear_ratio
+        layer = 3 - 4 * self.poisson
+        base = 1.0  # of a rigid base, where any number will do
+        if isinstance(self.base, HalfSpace):
+            base = 3 - 4 * self.base.poisson
+        twice_depth = 2 * self.thickness * wave_numbers  # 2 q h
+        decay = np.exp(-twice_depth)
+        square_of_ratio = ratio * ratio  # inf, not an error, where it is too large
+        of_both = ratio * (1 + layer) * (1 + base)
+        of_rests = (
+            2 * layer + ratio * (layer - 1) * (base - 1) + 2 * square_of_ratio * base
+        )
+        linear = (
+            2 * (layer - 1)
+            + ratio * (base - 1) * (layer - 3)
+            + 4 * square_of_ratio * base
+        )
+        square = (1 + layer) * (2 + ratio * (base - 1))
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # the caller refuses such bodies
+            above = of_both * (1 + decay**2)
+            above += of_rests * _scaled_rest(twice_depth, first=3)
+            above += 2 * linear * twice_depth * decay
+            below = 2 * (1 + layer) ** 2 * decay
+            below += of_rests * _scaled_rest(twice_depth, first=4)
+            below += square * twice_depth**2 * decay
+            below -= of_both * np.expm1(-2 * twice_depth)
+            relative: Field = above / below
+        return relative
+
+
+@dataclass(frozen=True)
+class Pair(Body):
+    """Two elastic bodies of which one is rough; their compliances add.
+
+    Attributes
+    ----------
+    first, second : Body
+        The bodies; which of them is rough makes no difference.
+    """
+
+    first: Body
+    second: Body
+
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether both are half-spaces."""
+        return self.first.is_homogeneous and self.second.is_homogeneous
+
+    @property
+    def e_star(self) -> float:
+        """Modulus of both, whose inverse is the sum of their inverse moduli [MPa]."""
+        return 1 / (1 / self.first.e_star + 1 / self.second.e_star)
+
+    @property
+    def mean_compliance(self) -> float:
+        """Sum of the mean compliances [um / MPa]."""
+        return self.first.mean_compliance + self.second.mean_compliance
+
+    def relative_compliance(self, wave_numbers: Field) -> Field | float:
+        """Compute the compliance over that of a half-space with this modulus E*.
+
+        Parameters
+        ----------
+        wave_numbers : ndarray
+            Wave numbers |q|, above 0 [1/um].
+
+        Returns
+        -------
+        ndarray or float
+            Ratio for each wave number [1].
+        """
+        first = self.first.relative_compliance(wave_numbers) / self.first.e_star
+        second = self.second.relative_compliance(wave_numbers) / self.second.e_star
+        return self.e_star * (first + second)
+
+
+@dataclass(frozen=True)
+class _Reduced(Body):
+    """A body in units of a length [um] and of its own modulus E*."""
+
+    body: Body
+    length: float
+
+    @property
+    def e_star(self) -> float:
+        """1."""
+        return 1.0
+
+    @property
+    def mean_compliance(self) -> float:
+        """Mean compliance of the body [length / E*]."""
+        return self.body.mean_compliance * (self.body.e_star / self.length)
+
+    def relative_compliance(self, wave_numbers: Field) -> Field | float:
+        """Return the ratio of the body; wave numbers are in 1 / length."""
+        return self.body.relative_compliance(wave_numbers / self.length)
+
+
+@dataclass(frozen=True)
+class WithoutMean(Body):
+    """A body whose displacements count from the mean of its deformed surface.
+
+    Attributes
+    ----------
+    body : Body
+        The body.
+    """
+
+    body: Body
+
+    @property
+    def e_star(self) -> float:
+        """Modulus of the body [MPa]."""
+        return self.body.e_star
+
+    def relative_compliance(self, wave_numbers: Field) -> Field | float:
+        """Return the ratio of the body, see `Body.relative_compliance`."""
+        return self.body.relative_compliance(wave_numbers)
+
+
+def _scaled_rest(values: Field, first: int) -> Field:
+    """Compute 2 exp(-y) times a power series of y without its first terms, for numbers y above 0.
+
+    With `first` 3 the series is that of sinh y, and the result 2 exp(-y) (sinh y - y). With 4 it is
+    that of cosh y, and the result 2 exp(-y) (cosh y - 1 - y^2 / 2). Below 1, where these cancel,
+    the series itself is summed.
+    """
+    decay = np.exp(-values)
+    if first == 3:
+        closed = 1 - decay**2 - 2 * decay * values
+    else:
+        closed = 1 + decay**2 - decay * (2 + values**2)
+    small = np.minimum(values, 1.0)
+    term = small**first / math.factorial(first)
+    series = term.copy()
+    for power in range(first + 2, LAST_POWER + 1, 2):
+        term *= small**2 / (power * (power - 1))
+        series += term
+    return np.where(values < 1, 2 * decay * series, closed)
+
+
+def checked_body(body: Any) -> Body:
+    """Check the argument `body` of `bem.solve`.
+
+    Parameters
+    ----------
+    body : Body or tuple of two Body
+        What the caller passed.
+
+    Returns
+    -------
+    Body
+        The body; of two bodies it is their `Pair`.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+    """
+    if isinstance(body, Body):
+        return body
+    both = body
+    if isinstance(body, tuple | list) and len(body) == 2:
+        both = [
+            part
+            for part in body
+            if isinstance(part, Body) and part.kernel == "uniform-pressure"
+        ]
+        if len(both) == 2:
+            return Pair(both[0], both[1])
+    raise ValueError(
+        f"body = {shown(body)}: must be a bem.HalfSpace, a bem.Layered, another bem.Body, or two of"
+        " them, (a, b)"
+    )
 
 
 def _check_material(body: Body, modulus: float, poisson: float) -> None:

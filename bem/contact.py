@@ -307,14 +307,15 @@ class Contact:
         The contact of a free patch is in series with the half-space behind the patch. The
         interface has the compliance 1/S - 1/S(patch), where S(patch) is the stiffness of a flat
         punch that fills the patch. It is infinitely stiff at full contact, and the difference loses
-        its digits near it. A patch without edges has no compliance, so that this is S.
+        its digits near it. A patch without edges has no compliance, so that this is S, except on a
+        layer with a rigid base, which a uniform pressure compresses.
 
         Raises
         ------
         ArithmeticError
             If a linear solve does not converge.
         """
-        if self.problem.boundary != "free":
+        if self.problem.has_most_delta:
             return self.stiffness
         return without_patch(self.stiffness, patch_stiffness(self.problem))
 
@@ -423,10 +424,11 @@ class Contact:
         Raises
         ------
         ValueError
-            If a conductivity is not above 0, or both are infinite.
+            If a conductivity is not above 0, or both are infinite, or a body is layered.
         ArithmeticError
             If the linear solve does not converge.
         """
+        self._refuse_layers()
         return mean_conductivity(k1, k2) * self.stiffness / self.problem.modulus
 
     def interface_conductance(self, k1: float, k2: float) -> float:
@@ -447,11 +449,20 @@ class Contact:
         Raises
         ------
         ValueError
-            If a conductivity is not above 0, or both are infinite.
+            If a conductivity is not above 0, or both are infinite, or a body is layered.
         ArithmeticError
             If the linear solve does not converge.
         """
+        self._refuse_layers()
         return mean_conductivity(k1, k2) * self.interface_stiffness / self.problem.modulus
+
+    def _refuse_layers(self) -> None:
+        """Refuse the conductance of a body that is not a half-space."""
+        if not self.problem.body.is_homogeneous:
+            raise ValueError(
+                "the conductance follows from the stiffness on half-spaces only (Barber 2003): a"
+                " layered body has another one, which is not computed"
+            )
 
 
 def mean_conductivity(k1: float, k2: float) -> float:

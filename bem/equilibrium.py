@@ -17,6 +17,7 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Field, Nodes, Values
+from bem.bodies import WithoutMean
 from bem.dense import MOST_SETS, ContactFactor, DenseSolution
 from bem.far_field import critical_delta, give_of
 from bem.influence import InfluenceMatrix
@@ -160,7 +161,8 @@ class Equilibrium:
         Whether rounding leaves no step that would come nearer to equilibrium.
     displacement : ndarray, shape (nx, ny), or None
         Displacement of the half-space under that pressure, nan outside the box that was solved;
-        None if it is not known [length].
+        None if it is not known. Under a given force, that of the mean pressure is not in it
+        [length].
     presumably_elastic : bool
         Whether a hardness was taken into account that no node is certain to have reached.
     """
@@ -225,6 +227,8 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     """
     if not _is_loaded(problem):
         return None
+    if problem.mean_displacement > 0:
+        return _beside_mean_displacement(problem, near)
     compliant = problem.far_field == "compliant"
     give = 0.0
     if compliant:
@@ -241,6 +245,24 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
         delta = max(solution.approach - given_way, 0.0)
         solution = replace(solution, delta=delta)
     return solution
+
+
+def _beside_mean_displacement(problem: Problem, near: Start | None) -> Equilibrium | None:
+    """Solve under a force, whose mean pressure displaces all of the patch alike.
+
+    The force alone tells this displacement, which is added to that of the patch as it would be
+    without it. Tolerances and starts are therefore those of the rough surface, however thick the
+    layer below is. The displacement field of the result is without it, too.
+    """
+    relative = replace(problem, body=WithoutMean(problem.body))
+    solution = equilibrium_of(relative, near)
+    if solution is None:
+        return None
+    return replace(
+        solution,
+        delta=solution.delta + problem.mean_displacement,
+        approach=solution.approach + problem.mean_displacement,
+    )
 
 
 def _is_loaded(problem: Problem) -> bool:
@@ -276,7 +298,7 @@ def _start_of(problem: Problem, near: Start | None) -> Start | None:
 
 def _has_elastic(problem: Problem) -> bool:
     """Return whether elastic bodies have an equilibrium at the displacement or under the force."""
-    if problem.delta is None or problem.boundary == "free":
+    if problem.delta is None or not problem.has_most_delta:
         return True
     return problem.delta < _mean_depth(problem.heights)
 
@@ -443,8 +465,10 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
     delta = problem.delta
     assert delta is not None
     edgeless = problem.boundary != "free"
-    if edgeless and problem.hardness is not None and np.ptp(problem.heights) <= delta:
-        return _all_yielded(problem, delta)
+    if edgeless and problem.hardness is not None:
+        pressed_in = problem.hardness * problem.body.mean_compliance
+        if np.ptp(problem.heights) + pressed_in <= delta:
+            return _all_yielded(problem, delta)
     reached = delta
     if edgeless or give > 0:  # all nodes may touch
         reached = math.inf
@@ -482,6 +506,8 @@ def _begun_nearly_full(iterate: Iterate) -> bool:
     """
     below = iterate.below
     full_delta = -float(below.mean())  # Delta of full contact, over Delta
+    if iterate.patch.mean_compliance > 0:
+        return _begun_beyond_mean_depth(iterate, full_delta)
     if full_delta < 1 or 1 / full_delta < NEARLY_FULL:
         return False
     full = iterate.patch.zero_mean_pressure(below)
@@ -504,6 +530,21 @@ def _begun_nearly_full(iterate: Iterate) -> bool:
     return not iterate.worthless(math.inf)
 
 
+def _begun_beyond_mean_depth(iterate: Iterate, mean_depth: float) -> bool:
+    """Begin at a given Delta from the pressure of full contact, cut off below zero.
+
+    A uniform pressure displaces the patch. `mean_depth` is the mean depth of the surface [Delta].
+    Return whether the iterate now has a useful start; if Delta is below this depth, leave it as it
+    is.
+    """
+    if mean_depth > 1:
+        return False
+    full = iterate.patch.zero_mean_pressure(iterate.below)
+    uniform = (1 - mean_depth) / iterate.patch.mean_compliance
+    iterate.begin(np.maximum(full + uniform, 0))
+    return not iterate.worthless(math.inf)
+
+
 def _begin_from(
     iterate: Iterate, problem: Problem, near: Start, touching: Overlap, length: float
 ) -> None:
@@ -521,9 +562,9 @@ def _begin_from(
 
 
 def _all_yielded(problem: Problem, delta: float) -> Equilibrium:
-    """Return the equilibrium with the hardness on all nodes, which displaces nothing.
+    """Return the equilibrium with the hardness on all nodes.
 
-    It is the solution without edges if all of the surface penetrates at `delta` [um].
+    It is the solution without edges if all of the surface still penetrates at `delta` [um].
     """
     return Equilibrium(
         pressure=np.full(problem.heights.shape, problem.reduced_hardness(delta)),
@@ -877,7 +918,7 @@ def _coarse_problem(problem: Problem) -> Problem | None:
         end = math.inf
         if problem.far_field == "compliant":
             end = critical_delta(heights, problem.reduced_body, problem.aspect)
-        elif not free and problem.hardness is None:
+        elif problem.has_most_delta and problem.hardness is None:
             end = _mean_depth(heights)
         if delta <= 0 or delta >= NESTED_BELOW * end:
             return None

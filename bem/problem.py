@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field, Mask
-from bem.bodies import HALF_SPACES, KERNELS, MODULI, POISSONS, Body, Kernel
+from bem.bodies import (
+    HALF_SPACES,
+    KERNELS,
+    MODULI,
+    POISSONS,
+    Body,
+    Kernel,
+    checked_body,
+)
 from bem.checks import LARGEST, Range, real_array, real_number, refuse_masked, shown
 
 Boundary = Literal["free", "periodic", "mirror"]
@@ -32,6 +40,13 @@ DEEPEST = 1e10
 # displacement of 0 is allowed.
 FLATTEST = 1e-300
 
+# Difference of the compliance from that of the body's surface below which the rest of the body
+# makes no difference at the border of contact [1].
+OF_SURFACE = 0.1
+
+# Number of waves whose compliance is checked.
+WAVES = 9
+
 # Largest double below zero: ranges that exclude it include zero.
 BELOW_ZERO = math.nextafter(0, -1)
 
@@ -52,6 +67,14 @@ ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "kernel": KERNELS,
     "far_field": FAR_FIELDS,
     "boundary": BOUNDARIES,
+}
+
+# Arguments that do not go with a body, and their defaults.
+ALONE: dict[str, Any] = {
+    "modulus": 1.0,
+    "poisson": 0.0,
+    "kernel": "uniform-pressure",
+    "far_field": "rigid",
 }
 
 # Bounds, both excluded, of all numbers in um, MPa and uN that `_check_range` lists. They leave a
@@ -131,6 +154,29 @@ class Problem:
         return self.body.reduced(self.spacing[0])
 
     @property
+    def has_most_delta(self) -> bool:
+        """Whether Delta of elastic bodies ends at full contact: no uniform pressure moves it."""
+        return self.boundary != "free" and not self.body.mean_compliance > 0
+
+    @property
+    def is_deeper_than_cells(self) -> bool:
+        """Whether the shortest waves of the grid feel next to nothing but the body's surface."""
+        shortest = np.array([math.pi / max(self.spacing)])
+        relative = np.ravel(self.body.relative_compliance(shortest))
+        return abs(float(relative[0]) - 1) < OF_SURFACE
+
+    @property
+    def mean_displacement(self) -> float:
+        """Displacement of a patch without edges by the mean pressure of the given force [um].
+
+        It is 0 if the displacement is given, and for bodies without a mean compliance.
+        """
+        if self.boundary == "free" or not self.force:
+            return 0.0
+        area = self.heights.size * self.spacing[0] * self.spacing[1]
+        return self.force / area * self.body.mean_compliance
+
+    @property
     def datum_height(self) -> float:
         """Height at which Delta is zero [um]."""
         return float(self.heights.max()) + (self.datum or 0.0)
@@ -206,6 +252,7 @@ def pose(
     poisson: float = 0.0,
     kernel: Kernel = "uniform-pressure",
     far_field: FarField = "rigid",
+    body: Body | tuple[Body, Body] | None = None,
     boundary: Boundary = "free",
     hardness: float | None = None,
     rtol: float = RTOL,
@@ -217,7 +264,7 @@ def pose(
     ----------
     heights, side, delta, force, pressure, spacing, modulus, poisson, kernel
         See `bem.solve`.
-    far_field, boundary, hardness, rtol, max_iterations
+    far_field, body, boundary, hardness, rtol, max_iterations
         See `bem.solve`.
 
     Returns
@@ -235,13 +282,20 @@ def pose(
         bodies on a patch without edges is that of full contact or more.
     """
     surface = checked_heights(heights)
+    if body is None:
+        elastic: Body = HALF_SPACES[checked("kernel", kernel)](modulus, poisson)
+    else:
+        _refuse_beside_body(
+            modulus=modulus, poisson=poisson, kernel=kernel, far_field=far_field
+        )
+        elastic = checked_body(body)
     boundary = checked("boundary", boundary)
     problem = Problem(
         heights=surface,
         delta=0.0,
         force=None,
         spacing=_checked_spacing(surface.shape, side, spacing, boundary),
-        body=HALF_SPACES[checked("kernel", kernel)](modulus, poisson),
+        body=elastic,
         far_field=checked("far_field", far_field),
         hardness=None if hardness is None else checked("hardness", hardness),
         rtol=checked("rtol", rtol),
@@ -290,6 +344,16 @@ def under_load(
     return loaded
 
 
+def _refuse_beside_body(**arguments: Any) -> None:
+    """Refuse arguments that differ from their defaults: a body has them, or excludes them."""
+    for name, value in arguments.items():
+        if isinstance(value, np.ndarray) or value != ALONE[name]:
+            raise ValueError(
+                f"{name} = {shown(value)} beside a body: the body has its own material, and a rigid"
+                " far field"
+            )
+
+
 def _only_load(**loads: Any) -> tuple[str, Any]:
     """Return name and value of the only load that is not None, or refuse the loads."""
     passed = [name for name, load in loads.items() if load is not None]
@@ -324,6 +388,7 @@ def check_solvable(problem: Problem, pressure: float | None = None) -> None:
     """
     _check_range(problem)
     _check_combinations(problem)
+    _check_compliance(problem)
     if problem.delta is not None:
         _check_displacement(problem, problem.delta)
     elif problem.hardness is not None:
@@ -343,15 +408,38 @@ def _check_combinations(problem: Problem) -> None:
         raise ValueError(
             f"kernel = 'concentrated-force' {reason}: use kernel = 'uniform-pressure'"
         )
+    if not edgeless and not problem.body.is_homogeneous:
+        raise ValueError(
+            "a layered body is not solved with boundary = 'free', where the influence of one cell"
+            " on all others is needed: use boundary = 'periodic' or 'mirror'"
+        )
     if problem.far_field == "compliant" and (edgeless or problem.hardness is not None):
         raise ValueError(
             f"far_field = 'compliant' is not solved with {settings}: use far_field = 'rigid'"
         )
 
 
+def _check_compliance(problem: Problem) -> None:
+    """Refuse a body whose compliance is not a number above 0, from the patch to the cell."""
+    if problem.body.is_homogeneous:
+        return
+    along, across = problem.spacing
+    rows, columns = problem.heights.shape
+    longest = 2 * max(rows * along, columns * across)
+    wave_numbers = math.pi * np.geomspace(1 / longest, 2 / min(along, across), WAVES)
+    compliances = problem.body.compliance(wave_numbers)
+    numbers = [problem.body.mean_compliance + NUMBERS[0], *compliances.tolist()]
+    for number in numbers:
+        if not NUMBERS[0] <= number < NUMBERS[1]:
+            raise OutOfRange(
+                f"compliance of the body = {number:g} um/MPa: thickness and moduli must keep it"
+                f" between {NUMBERS[0]:g} and {NUMBERS[1]:g}, within double precision"
+            )
+
+
 def _check_displacement(problem: Problem, delta: float) -> None:
     """Refuse a displacement [um] of full contact or more of elastic bodies without edges."""
-    if problem.boundary == "free" or problem.hardness is not None:
+    if not problem.has_most_delta or problem.hardness is not None:
         return
     depth = float((problem.datum_height - problem.heights).mean())
     if delta >= max(depth, FLATTEST):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field
-from bem.bodies import Kernel
+from bem.bodies import Body, Kernel
 from bem.checks import refuse_masked, shown
 from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start, equilibrium_of
@@ -122,6 +122,7 @@ def solve(
     poisson: float = 0.0,
     kernel: Kernel = "uniform-pressure",
     far_field: FarField = "rigid",
+    body: Body | tuple[Body, Body] | None = None,
     boundary: Boundary = "free",
     hardness: float | None = None,
     rtol: float = RTOL,
@@ -163,6 +164,11 @@ def solve(
     far_field : str
         "rigid": the far field moves by Delta. "compliant": it moves by Delta + F / K with the
         stiffness K of a flat punch that fills the patch (MIRCO).
+    body : Body or tuple of two Body, optional
+        The elastic body in place of `modulus`, `poisson`, `kernel` and `far_field`: a
+        `bem.HalfSpace`, a `bem.Layered`, or two, (a, b), whose compliances add. E* is that of the
+        material at the surface. Layers need the boundary "periodic" or "mirror". On a rigid base
+        the mean pressure displaces the surface as well, which is part of Delta.
     boundary : str
         "free": nothing surrounds the patch, as in the paper. "periodic": the patch repeats itself
         along both axes without end. "mirror": its mirror images continue it, which leaves no step
@@ -177,7 +183,8 @@ def solve(
         [MPa]. Without it the bodies are elastic.
     rtol : float
         Largest absolute gap in contact, or penetration outside, that is accepted. It is relative to
-        Delta, or to the approach if the force is given [1]. Of the tolerances tried, the default is
+        Delta; if the force is given, to the approach without what a uniform pressure displaces
+        [1]. Of the tolerances tried, the default is
         the loosest with which 99.9 % of the paper preset's samples have exactly the right contact
         nodes.
     max_iterations : int
@@ -219,6 +226,7 @@ def solve(
         poisson=poisson,
         kernel=kernel,
         far_field=far_field,
+        body=body,
         boundary=boundary,
         hardness=hardness,
         rtol=rtol,
@@ -305,7 +313,7 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     if equilibrium.converged:
         return contact
     # Measure the violation on all nodes, because the solver may have computed only some of them.
-    unit = problem.delta or contact.approach
+    unit = problem.delta or (contact.approach - problem.mean_displacement)
     residual = math.inf
     if unit > 0:
         residual = _violation(contact) / unit

@@ -142,6 +142,7 @@ def part_of(report: str, chapter: str = "") -> Part:
 
 
 CHAPTERS: Mapping[str, Sequence[str]] = {
+    "The error as input": ["accuracy"],
     "The contact area in the continuum": [
         "resolution",
         "grid-error",

@@ -227,13 +227,13 @@ def _at_given_approach(contact: LinearContact) -> Field:
     A common rise of all heights is the same as one of d - z_0, so that the sum of these derivatives
     is the derivative by d - z_0.
 
-    An elastic patch without edges needs no solve: the mean displacement of its pressure is zero, so
-    that the mean gap is the mean of z_0 - d - z.
+    An elastic patch without edges needs no solve, unless a uniform pressure displaces the body: the
+    mean displacement of its pressure is zero, so that the mean gap is the mean of z_0 - d - z.
     """
     problem = contact.problem
     nodes = problem.heights.size
     has_yielded = not np.all(contact.elastic | contact.is_open)
-    if problem.boundary != "free" and not has_yielded:
+    if problem.has_most_delta and not has_yielded:
         return np.full(problem.heights.shape, -1 / nodes)
     weights = contact.is_open / nodes
     gradient = -weights

@@ -66,25 +66,25 @@ class Weights:
 # Weights of the bars, by the kind of surface and by the answer.
 WEIGHTS = {
     "edgeless": {
-        "area": Weights(difference=0.8, border=0.0085, yielded=0.35, summit=1.5),
-        "delta": Weights(difference=0.55, border=0.0008, yielded=0.1, summit=1.5),
-        "force": Weights(difference=0.7, border=0.004, yielded=0.4, summit=2.0),
-        "mean_gap": Weights(difference=0.7, border=0.001, yielded=0.2, summit=1.4),
-        "stiffness": Weights(difference=0.75, border=0.03, yielded=0.5, summit=1.9),
+        "area": Weights(difference=0.7, border=0.0085, yielded=0.35, summit=1.5),
+        "delta": Weights(difference=0.45, border=0.0004, yielded=0.12, summit=1.6),
+        "force": Weights(difference=0.5, border=0.0015, yielded=0.4, summit=2.2),
+        "mean_gap": Weights(difference=0.6, border=0.0006, yielded=0.2, summit=1.5),
+        "stiffness": Weights(difference=0.75, border=0.028, yielded=0.45, summit=1.9),
     },
     "free": {
-        "area": Weights(difference=1.35, border=0.009, yielded=0.2, summit=1.5),
-        "delta": Weights(difference=1.35, border=0.0015, yielded=0.05, summit=1.5),
-        "force": Weights(difference=1.25, border=0.0035, yielded=0.1, summit=2.0),
-        "mean_gap": Weights(difference=1.4, border=0.0015, yielded=0.05, summit=1.4),
-        "stiffness": Weights(difference=1.0, border=0.013, yielded=0.4, summit=1.9),
+        "area": Weights(difference=1.2, border=0.0095, yielded=0.25, summit=1.5),
+        "delta": Weights(difference=1.15, border=0.0009, yielded=0.03, summit=1.6),
+        "force": Weights(difference=1.05, border=0.002, yielded=0.06, summit=2.2),
+        "mean_gap": Weights(difference=1.45, border=0.0015, yielded=0.05, summit=1.6),
+        "stiffness": Weights(difference=0.9, border=0.016, yielded=0.4, summit=1.9),
     },
     "creased": {
-        "area": Weights(difference=2.0, border=0.03, yielded=0.2, summit=1.3),
-        "delta": Weights(difference=1.5, border=0.0012, yielded=0.1, summit=1.1),
-        "force": Weights(difference=1.2, border=0.0065, yielded=0.4, summit=0.6),
-        "mean_gap": Weights(difference=1.2, border=0.008, yielded=0.1, summit=1.3),
-        "stiffness": Weights(difference=0.75, border=0.03, yielded=0.4, summit=0.75),
+        "area": Weights(difference=1.8, border=0.02, yielded=0.2, summit=1.0),
+        "delta": Weights(difference=1.7, border=0.0005, yielded=0.1, summit=0.8),
+        "force": Weights(difference=1.25, border=0.005, yielded=0.4, summit=0.6),
+        "mean_gap": Weights(difference=1.35, border=0.0055, yielded=0.1, summit=1.0),
+        "stiffness": Weights(difference=0.85, border=0.022, yielded=0.4, summit=0.6),
     },
 }
 
@@ -110,7 +110,7 @@ FLATTEST_SUMMIT = 1e-3
 
 # Answers that depend on the open nodes as much as on those in contact. Near full contact few nodes
 # are open, so that the border is a large share of them.
-OF_OPEN_NODES = ("mean_gap", "stiffness")
+OF_OPEN_NODES = ("delta", "force", "mean_gap", "stiffness")
 
 # Rate at which the power of the approach by which area and force rise, over its mean power, grows
 # with the share of a patch without edges that is in contact [1]. On free patches it does not grow.
@@ -468,7 +468,7 @@ def _opened_between_nodes(contact: Contact) -> _Opened:
     problem = contact.problem
     nodes = problem.heights.shape
     is_full = contact.contact_nodes == problem.heights.size
-    if not is_full or problem.boundary == "free" or problem.hardness is not None:
+    if not is_full or problem.boundary == "free" or contact.yielded.any():
         return _Opened(0.0, 0.0)
     pressure = contact.pressure
     for axis in (0, 1):
@@ -535,6 +535,15 @@ def _on_half_of_the_nodes(contact: Contact, summit: float) -> tuple[Contact | No
         return None, "half of the nodes are in full contact"
 
 
+def _too_coarse_to_judge(contact: Contact, area: float) -> str:
+    """Return why no coarser grid can tell the error of an area [um^2], or "" if one can."""
+    if not contact.problem.is_deeper_than_cells:
+        return "a cell is no smaller than the layer, whose material rules at the border"
+    if area == 0 and contact.force > 0:
+        return "no spot of contact is as large as a cell of the grid"
+    return ""
+
+
 def _judged(error: GridError, coarse: Contact) -> _Verdict:
     """Judge by the areas on both grids whether the bar of the area holds.
 
@@ -543,9 +552,9 @@ def _judged(error: GridError, coarse: Contact) -> _Verdict:
     contact = error.contact
     area = area_within(contact)
     coarse_area = area_within(coarse, contact.problem.spacing)
-    if area == 0 and contact.force > 0:
-        reason = "no spot of contact is as large as a cell of the grid"
-        return _Verdict(resolved=False, reason=reason)
+    too_coarse = _too_coarse_to_judge(contact, area)
+    if too_coarse:
+        return _Verdict(resolved=False, reason=too_coarse)
     if area:
         change = coarse_area / area - 1
     elif coarse_area > 0:  # nothing touches here: any area counts as 100 % more

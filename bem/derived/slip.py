@@ -149,6 +149,11 @@ def _check_contact(contact: "Contact") -> None:
             f"kernel = {problem.kernel!r}, far_field = {problem.far_field!r}: partial slip needs"
             " kernel = 'uniform-pressure' and far_field = 'rigid'"
         )
+    if not problem.body.is_homogeneous:
+        raise ValueError(
+            "partial slip follows from normal contacts on half-spaces only: a layered body has"
+            " another compliance in shear, which is not computed"
+        )
     if contact.contact_nodes == contact.pressure.size and problem.boundary != "free":
         raise ValueError(
             "the contact is full and infinitely stiff in shear: give a smaller load"

@@ -34,7 +34,7 @@ class Punch:
     Attributes
     ----------
     stiffness : float
-        Force per displacement of the punch. It is infinite for all nodes of a patch without edges,
+        Force per displacement of the punch. It is infinite for all nodes of a patch without edges
         where a uniform pressure displaces nothing [MPa um].
     pressure : ndarray, shape (a,)
         Pressure per displacement at the a nodes of the punch [MPa / um].
@@ -63,8 +63,8 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     Returns
     -------
     Punch
-        The punch. Its stiffness is 0 for no nodes, and stiffness and pressure are infinite for all
-        nodes of a patch without edges.
+        The punch. Its stiffness is 0 for no nodes. Stiffness and pressure are infinite for all
+        nodes of a patch without edges, unless the body has a mean compliance.
 
     Raises
     ------
@@ -74,7 +74,8 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     is_edgeless = problem.boundary != "free"
     if not nodes.size:
         return Punch(stiffness=0.0, pressure=np.zeros(0), residual=0.0, effort=Effort())
-    if is_edgeless and nodes.size == problem.heights.size:  # full contact
+    is_full = is_edgeless and nodes.size == problem.heights.size
+    if is_full and not problem.body.mean_compliance > 0:
         pressure = np.full(nodes.size, np.inf)
         return Punch(stiffness=np.inf, pressure=pressure, residual=0.0, effort=Effort())
     pressed = pressed_on(problem, nodes, np.ones(nodes.size), PUNCH_RTOL)
@@ -163,23 +164,28 @@ def pressed_on(
 
 
 def patch_stiffness(problem: Problem) -> float:
-    """Compute the stiffness of the flat punch that fills a free patch.
+    """Compute the stiffness of the flat punch that fills a patch.
 
     Parameters
     ----------
     problem : Problem
-        A problem on a free patch.
+        The problem.
 
     Returns
     -------
     float
-        Stiffness [MPa um].
+        Stiffness; without edges it is infinite, unless the body has a mean compliance [MPa um].
 
     Raises
     ------
     ArithmeticError
         As `bem.far_field.flat_punch`.
     """
+    if problem.boundary != "free":
+        if not problem.body.mean_compliance > 0:
+            return np.inf
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        return area / problem.body.mean_compliance
     reduced = _flat_punch_force(
         problem.heights.shape, problem.reduced_body, problem.aspect
     )

@@ -121,9 +121,12 @@ class Patch:
         Factors 1 in the contact set and 0 outside, if the set is a large one. On small grids they
         are in single precision, which takes a third of the time, and on large grids they are bools,
         which take the least memory.
+    mean_compliance : float
+        Displacement of a patch without edges by a uniform pressure, over this pressure
+        [first side of a cell / E*].
     singular : bool
-        Whether the contact set is all of a patch without edges, where a uniform pressure displaces
-        nothing.
+        Whether the contact set is all of a patch without edges, and a uniform pressure displaces
+        nothing there.
     """
 
     contact: Mask
@@ -140,6 +143,7 @@ class Patch:
         self.shape = shape
         self.boundary = boundary
         self.give = give
+        self.mean_compliance = body.mean_compliance
         self._body = body
         self._aspect = aspect
         self._exact = displacement_filter(shape, boundary, body, aspect, "float64")
@@ -216,7 +220,8 @@ class Patch:
         """
         self.contact = nodes
         self.count = int(np.count_nonzero(nodes))
-        self.singular = self.boundary != "free" and self.count == nodes.size
+        everywhere = self.boundary != "free" and self.count == nodes.size
+        self.singular = everywhere and not self.mean_compliance > 0
         means = self._means
         self._listed = None
         if self.count <= LISTED * nodes.size:
@@ -413,6 +418,8 @@ class Patch:
             self.shape, self.boundary, self._body, self._aspect, "float64", inverse
         )
         pressure: Field = filtered(stiffness, displacement).copy()
+        if self.mean_compliance > 0:
+            pressure -= pressure.mean()
         return pressure
 
     def splitting(self) -> tuple[FieldFilter, float] | None:

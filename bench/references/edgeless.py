@@ -2,11 +2,13 @@
 
 A periodic patch repeats itself; its modes along an axis are the sines and cosines of its period. A
 mirrored patch is continued by its mirror images; its modes along an axis are cosines. A mode of
-wave number |q| has the compliance 2 / (E* |q|), and the constant mode has the compliance 0. To make
+wave number |q| has the compliance of the body, 2 / (E* |q|) for a half-space, and the constant mode
+has the compliance 0. To make
 the matrix positive definite, the patch also rests on a spring. `Patch.press` finds the displacement
 of the spring that belongs to the load.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -70,8 +72,25 @@ def axis_modes(nodes: int, side: float, boundary: Boundary) -> AxisModes:
     return AxisModes(np.asarray(wave_numbers), np.asarray(waves))
 
 
+def half_space(wave_numbers: Field) -> Field:
+    """Compute the compliance of a half-space of E* = 1 MPa for waves of pressure.
+
+    Parameters
+    ----------
+    wave_numbers : ndarray
+        Wave numbers, above 0 [rad/um].
+
+    Returns
+    -------
+    ndarray
+        Displacement over pressure [um/MPa].
+    """
+    compliance: Field = 2 / wave_numbers
+    return compliance
+
+
 class Patch:
-    """A surface on a half-space of E* = 1 MPa, without edges.
+    """A surface on an elastic body, without edges.
 
     Parameters
     ----------
@@ -83,6 +102,9 @@ class Patch:
         How the patch is continued.
     hardness : float
         Largest pressure [MPa]; infinite for elastic bodies.
+    compliance : callable
+        Function from wave numbers above 0 [rad/um] to the displacement by waves of pressure
+        [um/MPa]; by default that of a half-space of E* = 1 MPa.
 
     Attributes
     ----------
@@ -102,6 +124,7 @@ class Patch:
         sides: tuple[float, float],
         boundary: Boundary,
         hardness: float = np.inf,
+        compliance: Callable[[Field], Field] = half_space,
     ) -> None:
         self.hardness = hardness
         rows, columns = heights.shape
@@ -114,7 +137,7 @@ class Patch:
         modes = np.kron(along.modes, across.modes)
         self.modes: Field = np.asarray(modes, np.float64)
         self.compliances = np.ones(heights.size)
-        self.compliances[1:] = 2 / wave_numbers[1:]
+        self.compliances[1:] = compliance(wave_numbers[1:])
         # The spring is as compliant as the most compliant wave. Results do not depend on it.
         self.compliances[0] = self.compliances[1:].max(initial=1.0)
         self.spring = float(self.compliances[0]) / heights.size

@@ -177,7 +177,7 @@ def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "nothing", "-o", "here"], "nothing: give one of resolution"),
+        (["run", "nothing", "-o", "here"], "nothing: give one of accuracy"),
         (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
         (
             ["run", "scale", "-o", "here"],

@@ -1,0 +1,319 @@
+"""Asked against got: the errors of `bem.solve_within`, and the bars of maps, over contacts.
+
+Each contact is solved on its map, on an exact grid three to eight times as fine, and by
+`solve_within` for errors of 3, 1 and 0.3 %. The exact grid has the same patch, the same load, and
+Delta counted from the highest node of the map.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
+from multiprocessing import get_context
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import erfinv, expit, logit
+
+import bem
+from bem.accuracy import ANSWERS
+from bem.problem import pose
+from bem.solving import solve_posed
+from bem.threads import on_threads
+from bench.accuracy.surfaces import KINDS, MEASURED, MeasuredMap, Sample, window_of_map
+from bench.files import Row
+from bench.report import remark
+
+ERRORS = (0.03, 0.01, 0.003)
+"""Relative errors that are asked for, at 95 % [1]."""
+
+LEAST_SHARE = 0.005
+"""Smallest share of the patch that a load shall bring into contact [1]."""
+
+MOST_SHARE = 0.99
+"""Largest share of the patch that a load shall bring into contact [1]."""
+
+YIELDING = 0.25
+"""Share of the contacts whose bodies yield [1]."""
+
+EXACT_RTOL = 1e-6
+"""Tolerance of the solve on the exact grid [Delta]."""
+
+SEED = 7302
+"""First word of the seeds of all samples, so that no other report has the same surfaces."""
+
+AREA = "area"
+"""Name of the area in the continuum among the answers that can be asked for."""
+
+ENOUGH_IN_WAVE = 8.0
+"""Nodes in the shortest wave from which most contacts should be answered."""
+
+LoadName = Literal["pressure", "force", "delta"]
+"""The quantity that is given."""
+
+LOADS: tuple[LoadName, ...] = ("pressure", "force", "delta")
+"""All quantities that may be given."""
+
+
+@dataclass(frozen=True)
+class _Pressed:
+    """A sample under a load, solved on its map and on the exact grid."""
+
+    kind: str
+    seed: int
+    sample: Sample
+    load: LoadName
+    value: float  # of the load [MPa, uN or um, with E* = 1 MPa and a side of 1 um]
+    settings: Mapping[str, Any]  # further arguments of `bem.solve`
+    map_contact: bem.Contact
+    exact: bem.Contact
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Names of the answers that can be asked for: all but the given one of Delta and force.
+
+        Answers that are zero or infinite on the exact grid are left out, as those of full contact.
+        """
+        is_given = "delta" if self.load == "delta" else "force"
+        names = [name for name in ANSWERS if name != is_given]
+        return tuple(name for name in names if math.isfinite(self.true_value(name)))
+
+    def true_value(self, answer: str) -> float:
+        """Return an answer on the exact grid, NaN if it is zero or infinite."""
+        value = float(ANSWERS[answer].value(self.exact))
+        return value if value != 0 and math.isfinite(value) else math.nan
+
+    def description(self) -> Row:
+        """Return the columns that describe the contact."""
+        return {
+            "kind": self.kind,
+            "seed": self.seed,
+            "boundary": self.sample.boundary,
+            "nodes": self.sample.nodes,
+            "nodes_in_wave": self.sample.nodes_in_wave,
+            "has_limit": self.sample.has_limit,
+            "load": self.load,
+            "yields": self.settings["hardness"] is not None,
+            "area_percent": self.exact.continuum_area_percent,
+        }
+
+
+def asked_and_got(
+    contacts: int, maps: Sequence[MeasuredMap] = (), processes: int = 2
+) -> list[Row]:
+    """Ask for errors on contacts of every kind, and compare with an exact grid.
+
+    Prints the progress on standard error.
+
+    Parameters
+    ----------
+    contacts : int
+        Number of contacts of each kind.
+    maps : sequence of MeasuredMap
+        Measured maps, whose windows are a kind more.
+    processes : int
+        Number of processes that share the work. The rows do not depend on it.
+
+    Returns
+    -------
+    list of Row
+        Rows of three sorts, by column `asked_for`: "area" alone and "all" answers, each for every
+        error in column `asked_percent`, and the 90 % bars of the "map". A row for each answer.
+    """
+    kinds = [*KINDS, *([MEASURED] if maps else [])]
+    tasks = [(kind, seed) for kind in kinds for seed in range(contacts)]
+    judge = partial(_rows_of_contact, maps)
+    rows: list[Row] = []
+    for kind, results in groupby(_mapped(judge, tasks, processes), lambda of: of[0]):
+        of_kind = [row for _, rows_of_contact in results for row in rows_of_contact]
+        remark(f"{kind}: {len({row['seed'] for row in of_kind})} contacts")
+        rows += of_kind
+    return rows
+
+
+def _mapped(
+    work: Callable[[tuple[str, int]], tuple[str, list[Row]]],
+    tasks: Sequence[tuple[str, int]],
+    processes: int,
+) -> Iterable[tuple[str, list[Row]]]:
+    """Yield the results of all tasks in their order, from one process or several."""
+    if processes == 1:
+        yield from map(work, tasks)
+        return
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        yield from pool.map(work, tasks, chunksize=4)
+
+
+def _rows_of_contact(
+    maps: Sequence[MeasuredMap], task: tuple[str, int]
+) -> tuple[str, list[Row]]:
+    """Return the kind and the rows of the contact of a kind and a seed.
+
+    There are none if the drawn load has no solution or brings nothing into contact.
+    """
+    kind, seed = task
+    names = [*KINDS, MEASURED]
+    random = np.random.default_rng((SEED, names.index(kind), seed))
+    sample = window_of_map(maps, random) if kind == MEASURED else KINDS[kind](random)
+    with on_threads(1):
+        try:
+            pressed = _pressed(kind, seed, sample, random)
+        except (bem.NoSolution, bem.NotConverged):
+            return kind, []
+        if pressed.exact.contact_nodes == 0:
+            return kind, []
+        return kind, [*_rows_of_map(pressed), *_rows_of_errors(pressed)]
+
+
+def _pressed(
+    kind: str, seed: int, sample: Sample, random: np.random.Generator
+) -> _Pressed:
+    """Draw a load and solve the contact on both grids.
+
+    The load would bring a share of the patch into contact, whose log-odds are uniform, if the
+    surface were Gaussian and Persson's theory held (2001, J. Chem. Phys. 115).
+    """
+    heights = sample.heights(sample.nodes)
+    along, across = (float(np.diff(heights, axis=axis).std()) for axis in (0, 1))
+    rms_slope = math.hypot(along, across / sample.aspect) * sample.nodes
+    lowest = float(logit(LEAST_SHARE))
+    highest = float(logit(MOST_SHARE))
+    share = float(expit(random.uniform(lowest, highest)))
+    pressure = rms_slope * float(erfinv(share)) / math.sqrt(2)
+    hardness = None
+    if random.random() < YIELDING:
+        hardness = pressure * random.uniform(1.2, 12)
+    load = LOADS[int(random.integers(len(LOADS)))]
+    settings: dict[str, Any] = {"boundary": sample.boundary, "hardness": hardness}
+    spacing = (1 / sample.nodes, sample.aspect / sample.nodes)
+    problem = pose(heights, 1.0, None, pressure=pressure, spacing=spacing, **settings)
+    # With a datum, though it is 0, the cells of all grids cover the same patch.
+    contact = solve_posed(replace(problem, datum=0.0))
+    if load == "delta" and contact.contact_nodes == heights.size:
+        load = "pressure"  # beyond full contact Delta does not tell the force
+    value = {"pressure": pressure, "force": contact.force, "delta": contact.delta}[load]
+    delta = contact.delta if load == "delta" else None
+    force = None if load == "delta" else contact.force
+    if load == "delta":
+        problem = pose(heights, 1.0, delta, spacing=spacing, **settings)
+        contact = solve_posed(replace(problem, datum=0.0))
+    fine = sample.heights(sample.exact_nodes)
+    finer = sample.exact_nodes / sample.nodes
+    exact_problem = pose(
+        fine,
+        1.0,
+        delta,
+        force=force,
+        spacing=(spacing[0] / finer, spacing[1] / finer),
+        rtol=EXACT_RTOL,
+        **settings,
+    )
+    datum = float(heights.max() - fine.max())
+    return _Pressed(
+        kind=kind,
+        seed=seed,
+        sample=sample,
+        load=load,
+        value=value,
+        settings={**settings, "spacing": spacing},
+        map_contact=contact,
+        exact=solve_posed(replace(exact_problem, datum=datum)),
+    )
+
+
+def _rows_of_map(pressed: _Pressed) -> list[Row]:
+    """Return a row with the 90 % bar of each answer on the map itself."""
+    contact = pressed.map_contact
+    estimate = contact.grid_error()
+    rows = []
+    for answer in pressed.answers:
+        value = float(ANSWERS[answer].value(contact))
+        row = _Judged(pressed, asked_for="map", asked=math.nan, answer=answer)
+        if not estimate.verdicts[answer] or value == 0 or not math.isfinite(value):
+            rows.append(row.unanswered("not resolved"))
+            continue
+        bar = ANSWERS[answer].bar(estimate) / abs(value)
+        rows.append(row.answered(value, bar, contact.pressure.shape[0]))
+    return rows
+
+
+def _rows_of_errors(pressed: _Pressed) -> list[Row]:
+    """Return the rows of all errors that are asked for: of the area alone, and of all answers."""
+    rows = []
+    for asked in ERRORS:
+        rows += _rows_of_error(pressed, "area", asked, (AREA,))
+        rows += _rows_of_error(pressed, "all", asked, pressed.answers)
+    return rows
+
+
+def _rows_of_error(
+    pressed: _Pressed, asked_for: str, asked: float, answers: Sequence[str]
+) -> list[Row]:
+    """Ask for some answers within an error, and return a row for each of them."""
+    judged = [
+        _Judged(pressed, asked_for=asked_for, asked=asked, answer=answer)
+        for answer in answers
+    ]
+    heights = pressed.sample.heights(pressed.sample.nodes)
+    try:
+        contact = bem.solve_within(
+            heights,
+            1.0,
+            dict.fromkeys(answers, asked),
+            threads=1,
+            **{pressed.load: pressed.value},
+            **pressed.settings,
+        )
+    except (bem.NotReachable, bem.NoSolution, bem.NotConverged) as refusal:
+        return [row.unanswered(str(refusal)) for row in judged]
+    assert contact.budget is not None  # for mypy: solve_within always returns it
+    rows = []
+    for row in judged:
+        value = float(ANSWERS[row.answer].value(contact))
+        bar = contact.budget.errors[row.answer].total
+        rows.append(row.answered(value, bar, contact.pressure.shape[0]))
+    return rows
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """One answer of a contact for which an error was asked."""
+
+    pressed: _Pressed
+    asked_for: str  # "area", "all" answers, or "map" for the bar of the map
+    asked: float  # relative error [1]; NaN for the bar of the map
+    answer: str  # name of the answer
+
+    def answered(self, value: float, bar: float, grid: int) -> Row:
+        """Return the row of a value with its bar [1], on a grid of so many nodes a side."""
+        true_value = self.pressed.true_value(self.answer)
+        return {
+            **self._beginning(),
+            "answered": True,
+            "grid": grid,
+            "bar_percent": 100 * bar,
+            "off_percent": 100 * abs(value / true_value - 1),
+            "reason": "",
+        }
+
+    def unanswered(self, reason: str) -> Row:
+        """Return the row of an answer that was refused, with the reason."""
+        return {
+            **self._beginning(),
+            "answered": False,
+            "grid": "",
+            "bar_percent": "",
+            "off_percent": "",
+            "reason": reason,
+        }
+
+    def _beginning(self) -> Row:
+        """Return the first columns of a row."""
+        return {
+            **self.pressed.description(),
+            "asked_for": self.asked_for,
+            "asked_percent": 100 * self.asked,
+            "answer": self.answer,
+        }

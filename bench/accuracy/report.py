@@ -1,0 +1,100 @@
+"""The report `accuracy`: asked against got, and error against time beside other solvers.
+
+It has three studies, each of which can be left out: `asked`, the errors that were asked for and got
+on contacts of all kinds, which takes no times; `times`, the time to an area within an error, ours
+and that of other solvers; and `full`, the time of full grids over that of `bem.solve_within`.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from bench.accuracy import full_grid, summary, times
+from bench.accuracy.asked import asked_and_got
+from bench.accuracy.promises import promises
+from bench.accuracy.surfaces import MeasuredMap, read_maps
+from bench.files import Row
+from bench.report import Report
+from gen.runtime.errors import InputError
+
+STUDIES = ("asked", "times", "full")
+"""Names of the studies."""
+
+
+def accuracy(
+    contacts: int,
+    surfaces: int,
+    waves: Sequence[int],
+    largest: int,
+    nodes: Sequence[int],
+    large_maps: int,
+    processes: int,
+    maps: Path | None,
+    of: Sequence[str],
+) -> Report:
+    """Make the tables of the studies, and print their progress on standard error.
+
+    Parameters
+    ----------
+    contacts : int
+        Contacts of each kind in study `asked`.
+    surfaces : int
+        Surfaces of each number of waves and pressure in study `times`.
+    waves : sequence of int
+        Periods of the shortest wave on a side in study `times`.
+    largest : int
+        Most nodes a side of a grid of other solvers.
+    nodes : sequence of int
+        Nodes a side of the maps in study `full`, rising.
+    large_maps : int
+        Maps of the first of these sizes; each next size has half as many.
+    processes : int
+        Processes that share study `asked`, which takes no times.
+    maps : Path or None
+        Folder of measured maps for study `asked`.
+    of : sequence of str
+        Names of the studies; all of them if there are none.
+
+    Returns
+    -------
+    Report
+        Tables `promises`, `asked`, `answers`, `bars`, `contacts`, `ratios`, `curves`, `times`,
+        `full` and `full-maps`; those of a study that was left out are empty.
+
+    Raises
+    ------
+    InputError
+        If there is no such study, or the folder of maps cannot be read.
+    """
+    for name in of:
+        if name not in STUDIES:
+            raise InputError(f"--of {name}: give some of {', '.join(STUDIES)}")
+    studies = of or STUDIES
+    measured: list[MeasuredMap] = []
+    if maps is not None:
+        measured = read_maps(maps)
+    rows: list[Row] = []
+    timed: list[Row] = []
+    large: list[Row] = []
+    if "times" in studies:
+        timed = times.time_to_area(waves, surfaces, largest)
+    if "full" in studies:
+        numbers = [max(large_maps >> place, 1) for place in range(len(nodes))]
+        large = full_grid.full_grid(nodes, numbers)
+    if "asked" in studies:
+        rows = asked_and_got(contacts, measured, processes)
+    ratios = times.ratios(timed)
+    medians = full_grid.medians(large)
+    return Report(
+        {
+            "promises": promises(rows, ratios, medians),
+            "asked": summary.by_kind(rows),
+            "answers": summary.by_answer(rows),
+            "bars": summary.bars_of_maps(rows),
+            "contacts": rows,
+            "ratios": ratios,
+            "curves": times.curves(timed),
+            "times": timed,
+            "full": medians,
+            "full-maps": large,
+        }
+    )

@@ -1,0 +1,571 @@
+"""Times to an area within an error: ours beside those of other solvers, on the same surfaces.
+
+Others count nodes, and a count is too large along every border of contact. So they need a finer
+grid than the map: the coarsest one whose count is within the error. Where that grid would be too
+large to be solved here, its nodes and its time are extrapolated, and the row says so.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from statistics import geometric_mean, median
+from typing import Any
+
+import numpy as np
+
+import bem
+from bench.accuracy.surfaces import places
+from bench.files import Row
+from bench.peers import PERIODIC_LADDER, PERIODIC_SOLVERS
+from bench.report import remark
+from bench.resolution import SLOPE, Surface, random_waves
+from bench.solvers.others import installed, missing
+from bench.solvers.solver import Case, Failure, Solver
+from gen.arrays import Heights
+
+OURS = "bem.solve_within"
+"""Name of our way to an area within an error."""
+
+ERRORS = (0.03, 0.01, 0.003)
+"""Relative errors of the area within which all ways shall be [1]."""
+
+ASKED = (0.1, *ERRORS)
+"""Errors that our way is asked for; the first one is only for the picture."""
+
+PRESSURES = (0.05, 0.2)
+"""Mean pressures [E* times the rms slope]."""
+
+HURST = (0.8, 0.4)
+"""Hurst exponents, which take turns from surface to surface [1]."""
+
+IN_WAVE = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+"""Nodes in the shortest wave of the grids of the other solvers."""
+
+MAP_IN_WAVE = 32
+"""Nodes in the shortest wave of the map that our way is given, and of the defaults."""
+
+TRUTH_IN_WAVE = 64
+"""Nodes in the shortest wave of the grid whose area in the continuum counts as true."""
+
+COARSEST = 32
+"""Fewest nodes a side of a grid."""
+
+SHARE = 0.1
+"""Largest difference that a tolerance may make to a count, over the error of the count [1]."""
+
+DEFAULTS: Mapping[str, float] = {
+    "ContactMechanics primal": 1e-6,  # its `thermotol`
+    "ContactMechanics dual": 1e-8,  # its `gtol`
+    "Tamaas": 1e-8,  # it has no default: the one of the others
+    "ASPHER": 1e-8,
+    "ASPHER nested, FFT": 1e-8,
+}
+"""Tolerances that the solvers have by default, by their names."""
+
+FITTED = 4
+"""Most grids by which the growth of a solver's time is fitted."""
+
+NEEDED = ("measured", "extrapolated")
+"""Values of column `row` for the coarsest grid of an error."""
+
+TURN = 0.05
+"""Least CPU time for which a solve is repeated [s]."""
+
+PATIENCE = 5.0
+"""CPU time of a solve above which it is timed only once [s]."""
+
+
+def timed(work: Callable[[], object], turn: float = TURN) -> float:
+    """Repeat work, and return the median of its CPU times.
+
+    Parameters
+    ----------
+    work : callable
+        Function without arguments.
+    turn : float
+        Least CPU time of all repetitions [s].
+
+    Returns
+    -------
+    float
+        Median CPU time of one repetition [s].
+    """
+    seconds: list[float] = []
+    while sum(seconds) < turn:
+        began = time.process_time()
+        work()
+        # A clock may be too coarse for a short solve.
+        seconds.append(max(time.process_time() - began, 1e-6))
+    return median(seconds)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a way got, and the time that it took."""
+
+    nodes: int  # nodes a side
+    seconds: float  # CPU time [s]
+    error: float  # relative error of the area, with its sign [1]
+    tolerance: float | None = None  # of the solver, as it defines it; None for our way
+
+
+@dataclass(frozen=True)
+class Rough:
+    """A self-affine surface without edges under a mean pressure, and its area on a fine grid.
+
+    Its side is 1 um, and E* is 1 MPa.
+    """
+
+    waves: int  # periods of the shortest wave on a side
+    pressure: float  # mean pressure [E* times rms slope]
+    number: int  # number of the surface
+    surface: Surface
+    true_area: float  # [%]
+
+    @classmethod
+    def drawn(cls, waves: int, pressure: float, number: int) -> "Rough":
+        """Draw the surface of a number, and solve it on the fine grid.
+
+        Parameters
+        ----------
+        waves : int
+            Periods of the shortest wave on a side.
+        pressure : float
+            Mean pressure [E* times rms slope].
+        number : int
+            Number of the surface.
+
+        Returns
+        -------
+        Rough
+            The surface.
+        """
+        random = np.random.default_rng((7303, waves, number))
+        surface = random_waves(1, waves, HURST[number % len(HURST)], random)
+        fine = surface(places(TRUTH_IN_WAVE * waves, "periodic"))
+        exact = _pressed(fine, pressure)
+        return cls(waves, pressure, number, surface, exact.continuum_area_percent)
+
+    def heights(self, in_wave: int) -> Heights:
+        """Return the heights on a grid.
+
+        Parameters
+        ----------
+        in_wave : int
+            Nodes in the shortest wave.
+
+        Returns
+        -------
+        ndarray, shape (n, n)
+            Heights [um].
+        """
+        return self.surface(places(in_wave * self.waves, "periodic"))
+
+    def error(self, area: float) -> float:
+        """Return the relative error of an area in percent, with its sign [1].
+
+        Parameters
+        ----------
+        area : float
+            Share of the patch in contact [%].
+        """
+        return area / self.true_area - 1
+
+
+def _pressed(heights: Heights, pressure: float) -> bem.Contact:
+    """Press a periodic surface by a mean pressure [E* times rms slope] on one thread."""
+    return bem.solve(
+        heights, 1.0, pressure=pressure * SLOPE, boundary="periodic", threads=1
+    )
+
+
+def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]:
+    """Time all ways to an area within an error, on the same surfaces.
+
+    Prints on standard error the progress, and which packages are not installed.
+
+    Parameters
+    ----------
+    waves : sequence of int
+        Periods of the shortest wave on a side; surfaces are drawn for each of them.
+    surfaces : int
+        Number of surfaces for each number of waves.
+    largest : int
+        Most nodes a side of a grid that is solved by other solvers.
+
+    Returns
+    -------
+    list of Row
+        A row for each way, surface, pressure and grid. In column `row`, "grid" is a grid that was
+        solved, "default" what a way gives by default, and "extrapolated" a larger grid. Column
+        `within_percent` has the errors of `ERRORS` of which this is the coarsest grid.
+    """
+    peers = PERIODIC_SOLVERS[1:]
+    for package, install in missing(peers).items():
+        remark(f"{package} is not installed and left out: {install}")
+    rows: list[Row] = []
+    for number_of_waves, pressure, number in product(waves, PRESSURES, range(surfaces)):
+        rough = Rough.drawn(number_of_waves, pressure, number)
+        rows += _rows_of_surface(rough, installed(peers), largest)
+        remark(f"{number_of_waves} waves, p = {pressure:g} E* h', surface {number}")
+    return rows
+
+
+def _rows_of_surface(rough: Rough, peers: Sequence[Solver], largest: int) -> list[Row]:
+    """Return the rows of one surface under one pressure.
+
+    Our way takes a turn after each grid of the others, so that slow seconds of the machine are
+    shared.
+    """
+    ours = _Ours(rough)
+    others = [_Peer(rough, solver) for solver in peers]
+    ours.take_turn()
+    for in_wave in IN_WAVE:
+        if COARSEST <= in_wave * rough.waves <= largest:
+            grid = _Grid.solved(rough, in_wave)
+            for peer in others:
+                peer.take_grid(grid)
+            ours.take_turn()
+    rows = ours.rows()
+    map_grid = _Grid.solved(rough, MAP_IN_WAVE)
+    for peer in others:
+        rows += peer.rows(ours)
+        rows += peer.default_rows(map_grid, ours)
+    return rows
+
+
+def _row(
+    rough: Rough,
+    way: str,
+    kind: str,
+    solved: Solved,
+    *,
+    within: float | None = None,
+    ours: "_Ours",
+) -> Row:
+    """Return a row; `within` is the error that the way is within [1], None for any other grid.
+
+    `times_ours` is the time over that of our way to the same error.
+    """
+    times = None
+    if within is not None and within in ours.solved:
+        times = solved.seconds / ours.solved[within].seconds
+    return {
+        "waves": rough.waves,
+        "pressure": rough.pressure,
+        "surface": rough.number,
+        "way": way,
+        "row": kind,
+        "within_percent": None if within is None else 100 * within,
+        "nodes": solved.nodes,
+        "nodes_in_wave": solved.nodes / rough.waves,
+        "tolerance": solved.tolerance,
+        "area_error_percent": 100 * solved.error,
+        "seconds": solved.seconds,
+        "times_ours": times,
+    }
+
+
+class _Ours:
+    """Our way on one surface, which is given as a map of `MAP_IN_WAVE` nodes in the shortest wave.
+
+    `solved` has what it got by the error that was asked for. Errors that it cannot reach are
+    missing. Times are medians over all turns.
+    """
+
+    def __init__(self, rough: Rough) -> None:
+        self._rough = rough
+        self._map = rough.heights(MAP_IN_WAVE)
+        self._seconds: dict[float, list[float]] = {}
+        self._contacts: dict[float, bem.Contact] = {}
+        for asked in ASKED:
+            try:
+                self._contacts[asked] = self._contact(asked)  # plans transforms, too
+            except bem.NotReachable as refusal:
+                remark(f"{rough.waves} waves, {100 * asked:g} %: {refusal}")
+
+    def _contact(self, asked: float) -> bem.Contact:
+        """Ask for the area within an error."""
+        return bem.solve_within(
+            self._map,
+            1.0,
+            asked,
+            pressure=self._rough.pressure * SLOPE,
+            boundary="periodic",
+            threads=1,
+        )
+
+    def take_turn(self) -> None:
+        """Time all errors that can be reached."""
+        for asked in self._contacts:
+            seconds = timed(partial(self._contact, asked))
+            self._seconds.setdefault(asked, []).append(seconds)
+
+    @property
+    def solved(self) -> dict[float, Solved]:
+        """What was got, by the error that was asked for."""
+        return {
+            asked: Solved(
+                nodes=contact.pressure.shape[0],
+                seconds=median(self._seconds[asked]),
+                error=self._rough.error(contact.continuum_area_percent),
+            )
+            for asked, contact in self._contacts.items()
+        }
+
+    def rows(self) -> list[Row]:
+        """Return a row for each error that was asked for, and one of `bem.solve`."""
+        rows = [
+            _row(self._rough, OURS, "grid", solved, within=asked, ours=self)
+            for asked, solved in self.solved.items()
+        ]
+        contact = _pressed(self._map, self._rough.pressure)
+        area = contact.continuum_area_percent
+        default = Solved(
+            nodes=len(self._map),
+            seconds=timed(partial(_area_by_default, self._map, self._rough.pressure)),
+            error=self._rough.error(area),
+        )
+        rows.append(_row(self._rough, OURS, "default", default, ours=self))
+        return rows
+
+
+def _area_by_default(heights: Heights, pressure: float) -> float:
+    """Return the area in the continuum that `bem.solve` gives by default [%]."""
+    return _pressed(heights, pressure).continuum_area_percent
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """A grid of a surface, and the exact count of its nodes in contact."""
+
+    case: Case
+    error: float  # relative error of the exact count, with its sign [1]
+    touching: int  # exact number of nodes in contact
+
+    @classmethod
+    def solved(cls, rough: Rough, in_wave: int) -> "_Grid":
+        """Solve a grid of a surface, with so many nodes in the shortest wave, by `bem.solve`."""
+        heights = rough.heights(in_wave)
+        contact = _pressed(heights, rough.pressure)
+        case = Case(
+            name=f"{rough.waves} waves",
+            heights=heights,
+            side=1.0,
+            delta=contact.delta,
+            load=rough.pressure * SLOPE,
+        )
+        return cls(case, rough.error(contact.area_percent), contact.contact_nodes)
+
+
+class _Peer:
+    """Another solver on one surface: its time on each grid, at the loosest tolerance that will do.
+
+    A tolerance will do if it changes the count by no more than `SHARE` of the count's error. The
+    search begins at the tolerance of the grid before.
+    """
+
+    def __init__(self, rough: Rough, solver: Solver) -> None:
+        self._rough = rough
+        self._solver = solver
+        self._ladder = list(PERIODIC_LADDER)  # tolerances that are left to try
+        self._solved: list[Solved] = []  # by rising nodes
+
+    def take_grid(self, grid: _Grid) -> None:
+        """Find the tolerance on a grid and time the solver; nothing if no tolerance will do."""
+        while self._ladder:
+            tolerance = self._ladder[0]
+            try:
+                solved = self._timed(grid, tolerance)
+            except Failure as failure:
+                remark(f"{self._solver.name}, {grid.case.nodes} nodes: {failure}")
+                return
+            changed = abs(solved.error - grid.error)
+            if changed <= SHARE * abs(grid.error):
+                self._solved.append(solved)
+                return
+            self._ladder.pop(0)
+
+    def _timed(self, grid: _Grid, tolerance: float) -> Solved:
+        """Solve a grid with a tolerance, and time it; raise Failure if the solver fails.
+
+        A solve that takes longer than `PATIENCE` is timed once, others again without what their
+        first solve sets up.
+        """
+        began = time.process_time()
+        answer = self._solver.solve(grid.case, tolerance)
+        seconds = time.process_time() - began
+        if seconds < PATIENCE:
+            seconds = timed(partial(self._solver.solve, grid.case, tolerance))
+        touching = int(np.count_nonzero(answer.pressure > 0))
+        area = 100 * touching / answer.pressure.size
+        return Solved(
+            nodes=grid.case.nodes,
+            seconds=seconds,
+            error=self._rough.error(area),
+            tolerance=tolerance,
+        )
+
+    def rows(self, ours: _Ours) -> list[Row]:
+        """Return a row for each grid, and for each error one of its coarsest grid.
+
+        That grid is extrapolated if it was not solved.
+        """
+        name = self._solver.name
+        rows = [
+            _row(self._rough, name, "grid", solved, ours=ours) for solved in self._solved
+        ]
+        for within in ERRORS:
+            good = [one for one in self._solved if abs(one.error) <= within]
+            if good:
+                rows.append(
+                    _row(self._rough, name, "measured", good[0], within=within, ours=ours)
+                )
+            elif len(self._solved) > 1:
+                solved = extrapolated(self._solved, within)
+                rows.append(
+                    _row(
+                        self._rough,
+                        name,
+                        "extrapolated",
+                        solved,
+                        within=within,
+                        ours=ours,
+                    )
+                )
+        return rows
+
+    def default_rows(self, grid: _Grid, ours: _Ours) -> list[Row]:
+        """Return the row of the solver's default tolerance on the map; none if it fails."""
+        name = self._solver.name
+        try:
+            solved = self._timed(grid, DEFAULTS[name])
+        except Failure as failure:
+            remark(f"{name} by default: {failure}")
+            return []
+        return [_row(self._rough, name, "default", solved, ours=ours)]
+
+
+def extrapolated(solved: Sequence[Solved], within: float) -> Solved:
+    """Extrapolate the nodes and the time that a count needs to be within an error.
+
+    The error of a count is proportional to the spacing. The time grows with a power of the nodes a
+    side that is fitted to the last grids. It is at least 2, as of the number of nodes, at most 3.
+
+    Parameters
+    ----------
+    solved : sequence of Solved
+        Grids by rising nodes, two or more.
+    within : float
+        The relative error [1].
+
+    Returns
+    -------
+    Solved
+        Nodes a side, time and error.
+    """
+    last = solved[-1]
+    of_fit = solved[-FITTED:]
+    power, _ = np.polyfit(
+        np.log([one.nodes for one in of_fit]), np.log([one.seconds for one in of_fit]), 1
+    )
+    power = min(max(float(power), 2.0), 3.0)
+    nodes = math.ceil(last.nodes * abs(last.error) / within)
+    seconds = last.seconds * (nodes / last.nodes) ** power
+    return Solved(nodes, seconds, math.copysign(within, last.error), last.tolerance)
+
+
+def ratios(rows: Sequence[Row]) -> list[Row]:
+    """Return the times of the other solvers over ours, as geometric means over surfaces.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows of `time_to_area`.
+
+    Returns
+    -------
+    list of Row
+        A row for each pressure, error and solver: the number of surfaces on which its grid was
+        measured and on which it was extrapolated, the geometric means of nodes and of times over
+        ours of both. A mean over no surface is None.
+    """
+    groups: dict[tuple[float, float, str], list[Row]] = {}
+    for row in rows:
+        if row["row"] in NEEDED and row["times_ours"]:
+            key = (row["pressure"], row["within_percent"], row["way"])
+            groups.setdefault(key, []).append(row)
+    return [
+        {"pressure": pressure, "within_percent": within, "way": way, **_ratio(group)}
+        for (pressure, within, way), group in sorted(groups.items())
+    ]
+
+
+def _ratio(rows: Sequence[Row]) -> Row:
+    """Return the means over measured grids, and those over extrapolated ones."""
+    ratio: Row = {}
+    for kind in NEEDED:
+        of_kind = [row for row in rows if row["row"] == kind]
+        ratio[f"{kind}_surfaces"] = len(of_kind)
+        ratio[f"{kind}_nodes"] = _mean(row["nodes"] for row in of_kind)
+        ratio[f"{kind}_times_ours"] = _mean(row["times_ours"] for row in of_kind)
+    return ratio
+
+
+def _mean(values: Iterable[float]) -> float | None:
+    """Return the geometric mean of positive numbers; None if there are none."""
+    numbers = list(values)
+    return geometric_mean(numbers) if numbers else None
+
+
+def curves(rows: Sequence[Row]) -> list[Row]:
+    """Return error and time of each way, as geometric means over surfaces.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows of `time_to_area`.
+
+    Returns
+    -------
+    list of Row
+        A row for each pressure, number of waves, way and grid (for our way: each error asked for)
+        with the time, the size of the error, and both of them by default. Grids that not all
+        surfaces have are left out.
+    """
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        if row["row"] in {"grid", "default"}:
+            setting = row["within_percent"] or row["nodes_in_wave"]
+            if row["row"] == "default":
+                setting = "default"
+            key = (row["waves"], row["pressure"], row["way"], setting)
+            groups.setdefault(key, []).append(row)
+    surfaces = 1 + max((row["surface"] for row in rows), default=0)
+    points = []
+    for (waves, pressure, way, setting), group in groups.items():
+        defaults = groups.get((waves, pressure, way, "default"))
+        if setting == "default" or defaults is None or len(group) < surfaces:
+            continue
+        points.append(
+            {
+                "waves": waves,
+                "pressure": pressure,
+                "way": way,
+                **_means(group),
+                **{f"default_{name}": value for name, value in _means(defaults).items()},
+            }
+        )
+    return points
+
+
+def _means(rows: Sequence[Row]) -> Row:
+    """Return the geometric means of time and error; an error is at least 0.001 %."""
+    errors = [max(abs(row["area_error_percent"]), 1e-3) for row in rows]
+    return {
+        "seconds": geometric_mean([row["seconds"] for row in rows]),
+        "area_error_percent": geometric_mean(errors),
+    }
