@@ -121,6 +121,13 @@ class Layout:
             first += loads.size
         raise KeyError(load)
 
+    @property
+    def loads_in_order(self) -> list[tuple[Load, float]]:
+        """Kind and value of each load, in the order of the columns after first touch."""
+        return [
+            (kind, load) for kind, loads in self.loads.items() for load in loads.tolist()
+        ]
+
     def by_quantity(self, answers: NDArray[Any]) -> NDArray[Any]:
         """Return answers (m,) as an array of shape (quantities, columns).
 
@@ -159,6 +166,25 @@ class Layout:
                     self.loads[load] > 0, error, math.inf
                 )
         return asked.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class _GridAnswers:
+    """Answers of a surface on one grid.
+
+    Attributes
+    ----------
+    values : ndarray, shape (m,)
+        Answers, NaN under a load that has no solution, or is not solved.
+    convolutions : float
+        Convolutions of all contacts, in convolutions on the grid of the scene [1].
+    pressed : list of Pressed
+        Numbers of the solved contacts, from which doubts follow.
+    """
+
+    values: Values
+    convolutions: float
+    pressed: list[Pressed]
 
 
 @dataclass(eq=False)
@@ -281,21 +307,24 @@ class Sampler:
         at_rest = self._at_rest(problem)
         first_touch = coarsening.on(nodes)
         on_grid = on_coarser_map(problem, first_touch)
-        pressed: list[Pressed] = []
-        values, convolutions = self._answers(on_grid, at_rest, pressed)
+        answers = self._answers(on_grid, at_rest)
+        convolutions = answers.convolutions
         cost = OF_SURFACE + convolutions + self.cost_of_contacts
         coarser_values: Values | None = None
         coarser_cost = 0.0
         if coarser is not None:
             on_coarser = on_coarser_map(problem, coarsening.on(coarser))
-            coarser_values, further = self._answers(on_coarser, at_rest, [])
-            convolutions += further
-            coarser_cost = further + self.cost_of_contacts
-        if number < PILOT and pressed:
+            of_coarser = self._answers(on_coarser, at_rest)
+            coarser_values = of_coarser.values
+            convolutions += of_coarser.convolutions
+            coarser_cost = of_coarser.convolutions + self.cost_of_contacts
+        if number < PILOT and answers.pressed:
             load = self.order.requested[0]
-            self.doubts += contact_doubts(surface.heights, self.bodies, load, pressed)[:1]
+            self.doubts += contact_doubts(
+                surface.heights, self.bodies, load, answers.pressed
+            )[:1]
         return Sample(
-            values=values,
+            values=answers.values,
             coarser_values=coarser_values,
             waves_dropped=first_touch.dropped,
             slope_order=slope_order(on_grid.heights, problem.boundary, lines=LINES),
@@ -321,47 +350,39 @@ class Sampler:
         except (ValueError, ArithmeticError) as error:
             raise InputError(f"{self.text}: {error}") from None
 
-    def _answers(
-        self, problem: Problem, at_rest: Values, pressed: list[Pressed]
-    ) -> tuple[Values, float]:
-        """Solve a problem under all loads; return the answers, (m,), and the convolutions.
-
-        These are in convolutions on the grid of the scene. `pressed` takes the contacts in.
-        Answers are NaN under a load that has no solution, or is not solved.
-        """
+    def _answers(self, problem: Problem, at_rest: Values) -> _GridAnswers:
+        """Solve a problem under all loads. `at_rest` are its answers there, (quantities,)."""
         layout = self.layout
-        answers = np.full((len(layout.quantities), layout.columns), np.nan)
-        answers[:, 0] = at_rest
+        values = np.full((len(layout.quantities), layout.columns), np.nan)
+        values[:, 0] = at_rest
         convolutions = 0.0
-        for kind, loads in layout.loads.items():
-            first = layout.places(kind).start
-            for place, value in enumerate(loads.tolist()):
-                try:
-                    loaded = _under(problem, kind, value)
-                    contact = solve_posed(loaded)
-                    convolutions += contact.convolutions
-                    answers[:, first + place] = [
-                        quantity.in_law(contact, self.order.media)
-                        for quantity in layout.quantities
-                    ]
-                except NoSolution:
-                    full = problem.datum_height - float(problem.heights.mean())
-                    self.full_contact = min(self.full_contact, full)
-                    continue
-                except ArithmeticError as error:
-                    if isinstance(error, NotConverged):
-                        convolutions += error.contact.convolutions
-                    self.faults.setdefault((kind, value), str(error))
-                    continue
-                pressed.append(
-                    Pressed(
-                        delta=contact.delta,
-                        largest_pressure=contact.largest_pressure,
-                        is_full=contact.contact_nodes == contact.pressure.size,
-                    )
+        pressed: list[Pressed] = []
+        for column, (kind, load) in enumerate(layout.loads_in_order, 1):
+            try:
+                contact = solve_posed(_under(problem, kind, load))
+                convolutions += contact.convolutions
+                values[:, column] = [
+                    quantity.in_law(contact, self.order.media)
+                    for quantity in layout.quantities
+                ]
+            except NoSolution:
+                full = problem.datum_height - float(problem.heights.mean())
+                self.full_contact = min(self.full_contact, full)
+                continue
+            except ArithmeticError as error:
+                if isinstance(error, NotConverged):
+                    convolutions += error.contact.convolutions
+                self.faults.setdefault((kind, load), str(error))
+                continue
+            pressed.append(
+                Pressed(
+                    delta=contact.delta,
+                    largest_pressure=contact.largest_pressure,
+                    is_full=contact.contact_nodes == contact.pressure.size,
                 )
+            )
         share = work(problem.heights.shape) / work(self.shape)
-        return answers.ravel(), convolutions * share
+        return _GridAnswers(values.ravel(), convolutions * share, pressed)
 
 
 def _under(problem: Problem, kind: Load, value: float) -> Problem:
@@ -664,13 +685,10 @@ def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError
     return worst
 
 
-def _load_at(layout: Layout, place: int) -> str:
-    """Write the load of a column of a layout with its unit."""
-    for kind, loads in layout.loads.items():
-        places = layout.places(kind)
-        if places.start <= place < places.stop:
-            return f"{loads[place - places.start]:.4g} {LOADS[kind].unit}"
-    return "first touch"
+def _load_at(layout: Layout, column: int) -> str:
+    """Write the load of a column of a layout, which is not first touch, with its unit."""
+    kind, load = layout.loads_in_order[column - 1]
+    return f"{load:.4g} {LOADS[kind].unit}"
 
 
 def tolerance_for(errors: Mapping[str, float]) -> float:
@@ -735,13 +753,10 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
 
 def _refuse_loads(sampler: Sampler, problem: Problem) -> None:
     """Refuse loads that no surface can have; a displacement of full contact is no such load."""
-    for kind, loads in sampler.layout.loads.items():
-        for value in loads.tolist():
-            try:
-                _under(problem, kind, value)
-            except NoSolution as error:
-                if kind == "delta":
-                    continue
-                raise InputError(f"{sampler.text}: {error}") from None
-            except ValueError as error:
-                raise InputError(f"{sampler.text}: {error}") from None
+    for kind, load in sampler.layout.loads_in_order:
+        try:
+            _under(problem, kind, load)
+        except ValueError as error:
+            if kind == "delta" and isinstance(error, NoSolution):
+                continue
+            raise InputError(f"{sampler.text}: {error}") from None
