@@ -229,6 +229,36 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     return values
 
 
+def shear_shares(text: str) -> tuple[float, ...]:
+    """Parse shear forces: numbers or series of them, with commas between them.
+
+    Parameters
+    ----------
+    text : str
+        Shear forces over the force at which the bodies slide; "" for none.
+
+    Returns
+    -------
+    tuple of float
+        The shares, in the order of the text.
+
+    Raises
+    ------
+    InputError
+        If the text is no list of numbers, or one is not from 0 to below 1.
+    """
+    if not text:
+        return ()
+    advice = "give shares of the sliding force, as 0.5, 0.2,0.8 or start:stop:count"
+    shares = loads_from("shear", text, advice)
+    for share in shares:
+        if not 0 <= share < 1:
+            raise InputError(
+                f"--shear {share:g}: must be at least 0 and below 1, at which the bodies slide"
+            )
+    return tuple(shares)
+
+
 def _refuse_beyond_largest(load: str, values: Sequence[float]) -> None:
     """Raise InputError for a finite number that is `LARGEST` or more in size.
 
@@ -285,11 +315,91 @@ def require_within(option: str, value: float, unit: str, what: str = "") -> floa
     raise InputError(f"{option} {value:g}: {rule}")
 
 
+INCOMPRESSIBLE = 0.5
+"""Poisson's ratio of a body that keeps its volume."""
+
+
 class ElasticBody(NamedTuple):
     """The only elastic body of a contact whose other body is rigid."""
 
     young: float  # Young's modulus [MPa]
     poisson: float  # Poisson's ratio
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction between two elastic bodies, and Poisson's ratio of both."""
+
+    coefficient: float  # f, above 0
+    poisson: float  # of both bodies
+
+    @classmethod
+    def of_options(
+        cls,
+        coefficient: float,
+        young: Sequence[float] | None,
+        poisson: Sequence[float] | None,
+        *,
+        like_bodies: bool,
+    ) -> Self:
+        """Return the friction of two bodies whose normal and tangential contacts are independent.
+
+        They are if the elastic constants of both are alike. A pair of a rigid and an elastic body
+        has to have Poisson's ratio 0.5.
+
+        Parameters
+        ----------
+        coefficient : float
+            Coefficient of friction.
+        young : sequence of float or None
+            Young's moduli of one elastic body or of two [MPa].
+        poisson : sequence of float or None
+            Poisson's ratio of each elastic body; None or empty for 0.
+        like_bodies : bool
+            True to take two unlike bodies for alike: Poisson's ratio is then the mean of both,
+            weighted by the compliances in shear.
+
+        Returns
+        -------
+        Friction
+            The friction.
+
+        Raises
+        ------
+        InputError
+            If the coefficient is not above 0, Young's moduli are missing, or the bodies are not
+            alike.
+        """
+        if not 0 < coefficient < LARGEST:
+            raise InputError(
+                f"--friction {coefficient:g}: must be above 0 and below {LARGEST:g}"
+            )
+        if not young:
+            raise InputError(
+                "--friction needs Poisson's ratio: give --young and --poisson, twice for two"
+                " elastic bodies"
+            )
+        ratios = list(poisson or [0.0] * len(young))
+        if len(young) == 1:
+            if ratios[0] != INCOMPRESSIBLE:
+                raise InputError(
+                    f"--friction with a rigid body on an elastic one of --poisson {ratios[0]:g}:"
+                    " pressures shift such a pair, unless the ratio is 0.5; for two like bodies"
+                    " give --young and --poisson twice"
+                )
+            return cls(coefficient=coefficient, poisson=ratios[0])
+        are_alike = young[0] == young[1] and ratios[0] == ratios[1]
+        if not are_alike and not like_bodies:
+            raise InputError(
+                f"--friction between unlike bodies (--young {young[0]:g} and {young[1]:g}"
+                f" MPa, --poisson {ratios[0]:g} and {ratios[1]:g}): pressures shift them;"
+                " --like-bodies neglects this"
+            )
+        compliances = [(1 + nu) / e for e, nu in zip(young, ratios, strict=True)]
+        total = sum(compliances)
+        shares = [compliance / total for compliance in compliances]
+        mean_ratio = shares[0] * ratios[0] + shares[1] * ratios[1]
+        return cls(coefficient=coefficient, poisson=mean_ratio)
 
 
 class Bodies(NamedTuple):

@@ -24,6 +24,7 @@ from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
+    from gen.material import Friction
 
 
 OUT = ("--output", "-o")
@@ -98,6 +99,18 @@ Delta = Annotated[
 NormalForce = Annotated[str, Option(metavar="UN", help="Normal forces in uN, likewise.")]
 Pressure = Annotated[
     str, Option(metavar="MPA", help="Pressures over the patch in MPa, likewise.")
+]
+SlipShares = Annotated[
+    str,
+    Option(
+        "--shear",
+        metavar="SHARES",
+        help="Shear forces over the one at which the bodies slide: 0.5 or start:stop:count.",
+    ),
+]
+AtPressure = Annotated[
+    float | None,
+    Option(metavar="MPA", help="Pressure of the stick slope in CalculiX' file, in MPa."),
 ]
 Spots = Annotated[
     bool, Option("--spots", help="Count spots; tell if contact and gap cross.")
@@ -274,6 +287,61 @@ class Material(NamedTuple):
             help="Hardness of the softer body, which yields at this pressure.",
         ),
     ] = None
+
+
+class Shear(NamedTuple):
+    """The options about shear of two bodies of like elastic constants."""
+
+    friction: Annotated[
+        float | None,
+        Option(
+            metavar="F",
+            help="Coefficient of friction: add stiffness in shear, elastic slip and slip curve.",
+        ),
+    ] = None
+    like_bodies: Annotated[
+        bool,
+        Option(
+            "--like-bodies",
+            help="Take two bodies with unlike moduli for alike in shear.",
+        ),
+    ] = False
+
+    def friction_of(self, material: Material) -> "Friction | None":
+        """Return the friction of the bodies, None if the option is left out.
+
+        Parameters
+        ----------
+        material : Material
+            The options about the material.
+
+        Returns
+        -------
+        Friction or None
+            Friction and Poisson's ratio of both bodies.
+
+        Raises
+        ------
+        InputError
+            If the bodies yield or are not alike, or a number is not allowed.
+        """
+        from gen.material import Friction
+
+        if self.friction is None:
+            if self.like_bodies:
+                raise InputError("--like-bodies goes with --friction")
+            return None
+        if material.hardness is not None:
+            raise InputError(
+                "--friction with --hardness: partial slip is that of elastic bodies; leave one"
+                " of them out"
+            )
+        return Friction.of_options(
+            self.friction,
+            material.young,
+            material.poisson,
+            like_bodies=self.like_bodies,
+        )
 
 
 class Accuracy(NamedTuple):

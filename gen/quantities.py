@@ -22,10 +22,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from gen.shear import SHARES, Sheared
+
 if TYPE_CHECKING:
     from bem import Contact
     from bem.problem import Problem
-    from gen.material import Gas
+    from gen.material import Friction, Gas
 
 SHARE = (0.0, 100.0)
 """Bounds of a share in percent."""
@@ -38,7 +40,11 @@ SIDES = (1, 2)
 sum."""
 
 Cost = Literal[
-    "", "a linear solve", "a solve on a coarser grid", "the flow through the gap"
+    "",
+    "a linear solve",
+    "a solve on a coarser grid",
+    "the flow through the gap",
+    "contacts under smaller loads",
 ]
 """Computation that a quantity needs besides the contact; "" if it needs none."""
 
@@ -65,7 +71,7 @@ LIKE_STIFFNESSES = Powers(heights=0, lengths=1, modulus=1)
 
 @dataclass(frozen=True)
 class Media:
-    """What conducts heat through an interface, for the quantities that depend on it.
+    """What conducts heat through an interface and what rubs in it, for quantities that need it.
 
     Attributes
     ----------
@@ -73,10 +79,13 @@ class Media:
         Conductivities of both bodies [W/(m K)]; None if no conductance is read.
     gas : Gas or None
         Gas in the gap; None if there is none.
+    friction : Friction or None
+        Friction of bodies of like elastic constants; None if no quantity of shear is read.
     """
 
     conductivities: tuple[float, float] | None = None
     gas: Gas | None = None
+    friction: Friction | None = None
 
 
 BODIES_ALONE = Media()
@@ -482,6 +491,13 @@ def _joint_conductance(contact: Contact, media: Media) -> float:
     return spots + _gas_conductance(contact, media)
 
 
+def _required_friction(media: Media) -> Friction:
+    """Return the friction of an interface; raise ValueError without one."""
+    if media.friction is None:
+        raise ValueError("a quantity of shear needs a coefficient of friction")
+    return media.friction
+
+
 # Functions that return a value at first touch of a problem. The load of the problem is not used.
 
 
@@ -601,6 +617,91 @@ def _hydraulic_aperture(axis: int) -> Quantity:
         cost="the flow through the gap",
         at_rest=_aperture_at_rest(axis),
         law=InLaw(short=f"hydraulic_aperture_{name}", trend="falls"),
+    )
+
+
+def _shear_quantities(axis: int) -> tuple[Quantity, ...]:
+    """Make the records of shear along axis 0 (x) or 1 (y)."""
+    name = "xy"[axis]
+    stiffness = Quantity(
+        name=f"shear_stiffness_{name}",
+        unit="N/m",
+        words=f"stiffness of the interface in shear along {name}, where nothing slips",
+        read=lambda contact, media: (
+            Sheared(contact, _required_friction(media), axis).interface_stiffness
+        ),
+        powers=LIKE_STIFFNESSES,
+        noun=f"shear stiffness along {name}",
+        remark="of the interface, before slip",
+        option="friction",
+        cost="a linear solve",
+        at_full=_interface_at_full,
+        law=InLaw(
+            short=f"shear_stiffness_{name}",
+            per_area="MPa/um",
+            key=f"shear_stiffness_{name}_MPa_per_um",
+        ),
+    )
+    slip = Quantity(
+        name=f"elastic_slip_{name}",
+        unit="um",
+        words=f"friction times force over the shear stiffness along {name}",
+        read=lambda contact, media: (
+            Sheared(contact, _required_friction(media), axis).elastic_slip
+        ),
+        powers=LIKE_HEIGHTS,
+        noun=f"elastic slip along {name}",
+        remark="friction times pressure over that stiffness",
+        option="friction",
+        cost="a linear solve",
+        at_full=_nothing,
+        law=InLaw(short=f"elastic_slip_{name}", trend="turns"),
+    )
+    shifts = [_shift_quantity(axis, share) for share in SHARES]
+    losses = [_loss_quantity(axis, share) for share in SHARES]
+    return (stiffness, slip, *shifts, *losses)
+
+
+def _shift_quantity(axis: int, share: float) -> Quantity:
+    """Make the record of the shift at a share of sliding, one of `SHARES`."""
+    axis_name = "xy"[axis]
+    percent = f"{100 * share:.0f}"
+    return Quantity(
+        name=f"shift_{axis_name}_{percent}",
+        unit="um",
+        words=f"shift of the interface along {axis_name} at {percent} % of the sliding force",
+        read=lambda contact, media: Sheared(
+            contact, _required_friction(media), axis
+        ).shift(share),
+        powers=LIKE_HEIGHTS,
+        noun=f"shift along {axis_name} at {percent} % of sliding",
+        cost="contacts under smaller loads",
+        at_full=_nothing,
+        law=InLaw(short=f"shift_{axis_name}_{percent}", trend="turns"),
+    )
+
+
+def _loss_quantity(axis: int, share: float) -> Quantity:
+    """Make the record of the loss of a cycle, up to a share of sliding, one of `SHARES`."""
+    axis_name = "xy"[axis]
+    percent = f"{100 * share:.0f}"
+    return Quantity(
+        name=f"loss_{axis_name}_{percent}",
+        unit="pJ",
+        words=f"loss of a cycle along {axis_name} up to {percent} % of the sliding force",
+        read=lambda contact, media: Sheared(
+            contact, _required_friction(media), axis
+        ).loss(share),
+        powers=Powers(heights=2, lengths=1, modulus=1),
+        noun=f"loss along {axis_name} up to {percent} % of sliding",
+        cost="contacts under smaller loads",
+        at_full=_nothing,
+        law=InLaw(
+            short=f"loss_{axis_name}_{percent}",
+            trend="turns",
+            per_area="J/m2",
+            key=f"loss_{axis_name}_{percent}_J_per_m2",
+        ),
     )
 
 
@@ -953,6 +1054,8 @@ RECORDS: tuple[Quantity, ...] = (
     _hydraulic_aperture(0),
     _flow_factor(1),
     _hydraulic_aperture(1),
+    *_shear_quantities(0),
+    *_shear_quantities(1),
     Quantity(
         name="heights",
         unit="um",
@@ -996,6 +1099,12 @@ GAS = QUANTITIES["gas_conductance"]
 JOINT = QUANTITIES["joint_conductance"]
 CONTINUUM = QUANTITIES["continuum_area_percent"]
 APERTURES = (QUANTITIES["hydraulic_aperture_x"], QUANTITIES["hydraulic_aperture_y"])
+OF_SHEAR = tuple(
+    quantity
+    for quantity in RECORDS
+    if quantity.name.startswith(("shear_stiffness_", "elastic_slip_", "shift_", "loss_"))
+)
+"""Quantities that need the friction of an interface."""
 
 USUAL = (AREA.name, FORCE.name, DELTA.name)
 """Default outputs of functions and of the server."""
@@ -1011,7 +1120,7 @@ IN_LAWS: dict[str, Quantity] = {
 ALWAYS_IN_LAWS = (DELTA, AREA, FORCE, MEAN_GAP, PRESSURE, CLOSURE)
 """Quantities that every point of a law has."""
 
-_WITH_OPTIONS = (STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES)
+_WITH_OPTIONS = (STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES, *OF_SHEAR)
 """Quantities that a law has if options of their own ask for them, apart from `--also`."""
 
 ALSO: dict[str, Quantity] = {

@@ -11,7 +11,7 @@ in shear on the contact set, because it depends on the direction where contacts 
 Further branches of a loop follow by Masing's rule: a reversal doubles the curve.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -43,31 +43,74 @@ FRICTIONS = Range(0, LARGEST, f"above 0 and below {LARGEST:g}")
 class PartialSlip:
     """A contact that is sheared along one axis, at n shear forces.
 
+    On a free patch shift and stiffness include the deformation of the half-space behind the patch.
+
     Attributes
     ----------
+    contact : Contact
+        The contact under its whole normal load.
+    friction : float
+        Coefficient of friction f [1].
     axis : int
         0 for shear along x, 1 for shear along y.
     shears : ndarray, shape (n,)
         Shear forces Q [uN].
     first_stiffness : float
         Stiffness of the contact at first, where nothing slips [MPa um].
-    shift : ndarray, shape (n,)
-        Tangential displacement of the bodies far from the contact [um].
-    stiffness : ndarray, shape (n,)
-        Tangent stiffness dQ / dshift [MPa um].
-    stick_percent : ndarray, shape (n,)
-        Area that sticks in the continuum, as a share of the area of all cells [%].
-    loss : ndarray, shape (n,)
-        Energy that a cycle between Q and -Q dissipates [pJ = uN um].
+    sticking : tuple of Contact
+        For each shear force, the contact under the normal load P - Q / f.
     """
 
+    contact: "Contact" = field(repr=False)
+    friction: float
     axis: int
     shears: Values
     first_stiffness: float
-    shift: Values
-    stiffness: Values
-    stick_percent: Values
-    loss: Values
+    sticking: "tuple[Contact, ...]" = field(repr=False)
+
+    @property
+    def _compliance_ratio(self) -> float:
+        """Tangential compliance over the normal one, of the contact at first [1]."""
+        return self.contact.stiffness / self.first_stiffness
+
+    @property
+    def shift(self) -> Values:
+        """Tangential displacement of the bodies far from the contact, (n,) [um]."""
+        return (
+            self.friction * self._compliance_ratio * (self.contact.delta - self._deltas)
+        )
+
+    @property
+    def _deltas(self) -> Values:
+        """Delta of the contacts that stick, (n,) [um]."""
+        return np.array([stuck.delta for stuck in self.sticking])
+
+    @property
+    def stiffness(self) -> Values:
+        """Tangent stiffness dQ / dshift, (n,), by a linear solve for each force [MPa um].
+
+        Raises
+        ------
+        ArithmeticError
+            If a linear solve does not converge.
+        """
+        normal = np.array([stuck.stiffness for stuck in self.sticking])
+        return normal / self._compliance_ratio
+
+    @property
+    def stick_percent(self) -> Values:
+        """Area that sticks in the continuum, as a share of the area of all cells, (n,) [%]."""
+        return np.array([stuck.continuum_area_percent for stuck in self.sticking])
+
+    @property
+    def loss(self) -> Values:
+        """Energy that a cycle between Q and -Q dissipates, (n,) [pJ = uN um]."""
+        energies = np.array([_complementary_energy(stuck) for stuck in self.sticking])
+        # Integral of Delta over the force between both loads, less that of a straight line.
+        bulge = _complementary_energy(self.contact) - energies
+        bulge -= (self.contact.delta + self._deltas) / 2 * (self.shears / self.friction)
+        not_below_zero = np.maximum(bulge, 0.0)  # rounding
+        return 8 * self.friction**2 * self._compliance_ratio * not_below_zero
 
 
 def partial_slip(
@@ -97,8 +140,7 @@ def partial_slip(
     Returns
     -------
     PartialSlip
-        The answers at the shear forces. On a free patch they include the deformation of the
-        half-space behind the patch, see `shear_patch_stiffness`.
+        The sheared contact, whose answers have a value for each shear force.
 
     Raises
     ------
@@ -116,23 +158,13 @@ def partial_slip(
         raise ValueError(f"axis = {shown(axis)}: must be 0 for x or 1 for y")
     _check_contact(contact)
     forces = _checked_shears(shears, friction * contact.force)
-    first_stiffness = shear_stiffness(contact, poisson, axis)
-    compliance_ratio = contact.stiffness / first_stiffness  # tangential over normal
-    sticking = _sticking_contacts(contact, contact.force - forces / friction)
-    deltas = np.array([stuck.delta for stuck in sticking])
-    tangents = np.array([stuck.stiffness for stuck in sticking])
-    energies = np.array([_complementary_energy(stuck) for stuck in sticking])
-    # Integral of Delta over the force between both loads, less that of a straight line.
-    bulge = _complementary_energy(contact) - energies
-    bulge -= (contact.delta + deltas) / 2 * (forces / friction)
     return PartialSlip(
+        contact=contact,
+        friction=friction,
         axis=axis,
         shears=forces,
-        first_stiffness=first_stiffness,
-        shift=friction * compliance_ratio * (contact.delta - deltas),
-        stiffness=tangents / compliance_ratio,
-        stick_percent=np.array([stuck.continuum_area_percent for stuck in sticking]),
-        loss=8 * friction**2 * compliance_ratio * np.maximum(bulge, 0.0),
+        first_stiffness=shear_stiffness(contact, poisson, axis),
+        sticking=_sticking_contacts(contact, contact.force - forces / friction),
     )
 
 
@@ -177,7 +209,7 @@ def _checked_shears(shears: ArrayLike, sliding: float) -> Values:
     return forces
 
 
-def _sticking_contacts(contact: "Contact", loads: Values) -> list["Contact"]:
+def _sticking_contacts(contact: "Contact", loads: Values) -> "tuple[Contact, ...]":
     """Solve the contact under smaller normal loads, (n,) [uN]; the results are in this order.
 
     Each contact starts from the pressure of the next larger load.
@@ -191,7 +223,7 @@ def _sticking_contacts(contact: "Contact", loads: Values) -> list["Contact"]:
         problem = replace(contact.problem, delta=None, force=load)
         larger = contact.again(problem, larger.pressure)
         sticking[load] = larger
-    return [sticking[load] for load in loads.tolist()]
+    return tuple(sticking[load] for load in loads.tolist())
 
 
 def _complementary_energy(contact: "Contact") -> float:

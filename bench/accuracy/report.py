@@ -16,6 +16,9 @@ from bench.files import Row
 from bench.report import Report
 from gen.runtime.errors import InputError
 
+FEWEST_NODES = 64
+"""Fewest nodes a side of a full grid: up to 64 of them are in the shortest wave."""
+
 STUDIES = ("asked", "times", "full")
 """Names of the studies."""
 
@@ -29,6 +32,7 @@ def accuracy(
     large_maps: int,
     processes: int,
     maps: Path | None,
+    kinds: Sequence[str],
     of: Sequence[str],
 ) -> Report:
     """Make the tables of the studies, and print their progress on standard error.
@@ -51,6 +55,8 @@ def accuracy(
         Processes that share study `asked`, which takes no times.
     maps : Path or None
         Folder of measured maps for study `asked`.
+    kinds : sequence of str
+        Names of the kinds of surfaces in study `asked`; all of them if there are none.
     of : sequence of str
         Names of the studies; all of them if there are none.
 
@@ -63,14 +69,13 @@ def accuracy(
     Raises
     ------
     InputError
-        If there is no such study, or the folder of maps cannot be read.
+        If there is no such study or kind, a surface has no wave, a map has fewer than
+        `FEWEST_NODES` nodes a side, or no map of the folder can be read.
     """
-    for name in of:
-        if name not in STUDIES:
-            raise InputError(f"--of {name}: give some of {', '.join(STUDIES)}")
+    _check(waves, nodes, of)
     studies = of or STUDIES
     measured: list[MeasuredMap] = []
-    if maps is not None:
+    if maps is not None and "asked" in studies:
         measured = read_maps(maps)
     rows: list[Row] = []
     timed: list[Row] = []
@@ -81,7 +86,7 @@ def accuracy(
         numbers = [max(large_maps >> place, 1) for place in range(len(nodes))]
         large = full_grid.full_grid(nodes, numbers)
     if "asked" in studies:
-        rows = asked_and_got(contacts, measured, processes)
+        rows = asked_and_got(contacts, measured, kinds, processes)
     ratios = times.ratios(timed)
     medians = full_grid.medians(large)
     return Report(
@@ -98,3 +103,16 @@ def accuracy(
             "full-maps": large,
         }
     )
+
+
+def _check(waves: Sequence[int], nodes: Sequence[int], of: Sequence[str]) -> None:
+    """Raise InputError for numbers of waves and of nodes, and for studies, that cannot be."""
+    for name in of:
+        if name not in STUDIES:
+            raise InputError(f"--of {name}: give some of {', '.join(STUDIES)}")
+    for number in waves:
+        if number < 1:
+            raise InputError(f"--waves {number}: give numbers from 1 on")
+    for size in nodes:
+        if size < FEWEST_NODES:
+            raise InputError(f"--nodes {size}: give numbers from {FEWEST_NODES} on")

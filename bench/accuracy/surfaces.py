@@ -417,7 +417,9 @@ class MeasuredMap:
 
 
 def read_maps(folder: Path) -> list[MeasuredMap]:
-    """Read and prepare all maps of a folder; those that cannot be read are named and left out.
+    """Read and prepare all maps of a folder.
+
+    Those that cannot be read or are too small are named on standard error, and left out.
 
     Parameters
     ----------
@@ -432,7 +434,7 @@ def read_maps(folder: Path) -> list[MeasuredMap]:
     Raises
     ------
     InputError
-        If the folder does not exist or holds no file.
+        If the folder does not exist, or no file in it can be read.
     """
     maps = []
     reading = Reading(level="plane", despike=SPIKE, fill=True)
@@ -442,8 +444,15 @@ def read_maps(folder: Path) -> list[MeasuredMap]:
         except InputError as error:
             remark(f"left out: {error}")
             continue
+        if min(topography.heights.shape) < NODES[0] + 2 * MARGIN:
+            remark(
+                f"left out: {path}: fewer than {NODES[0] + 2 * MARGIN} nodes along an axis"
+            )
+            continue
         along, across = topography.spacing
         maps.append(MeasuredMap(topography.heights / along, across / along))
+    if not maps:
+        raise InputError(f"--maps {folder}: no map of it can be read")
     return maps
 
 
@@ -495,9 +504,9 @@ def _midpoint(random: np.random.Generator) -> Sample:
 
 
 KINDS: Mapping[str, Draw] = {
-    "waves, no edges": partial(_rough, boundary="periodic"),
-    "waves, mirrored": partial(_rough, boundary="mirror"),
-    "waves, free patch": partial(_rough, boundary="free"),
+    "waves without edges": partial(_rough, boundary="periodic"),
+    "mirrored waves": partial(_rough, boundary="mirror"),
+    "free waves": partial(_rough, boundary="free"),
     "two scales": _two_scales,
     "directional": _directional,
     "lognormal": _lognormal,

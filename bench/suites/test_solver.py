@@ -29,6 +29,7 @@ from bem.operators.filters import filtered
 from bem.operators.patch import Patch, displacement_filter
 from bem.problem import BOUNDARIES, RTOL, Boundary
 from bench.references import half_space as references
+from bench.resolution import random_waves
 from bench.work_precision import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
@@ -325,6 +326,27 @@ def test_flow(benchmark: Any, nodes: int, pressure: float, boundary: Boundary) -
     assert flow.aperture == contact.flow().aperture > 0
     benchmark.extra_info["area_percent"] = contact.area_percent
     record_time_over(benchmark, "time_over_the_contact", work, solve)
+
+
+@pytest.mark.parametrize("error", [0.03, 0.01])
+def test_solve_within(benchmark: BenchmarkFixture, error: float) -> None:
+    """Solve a smooth map within an error of the area; record its time over the full map's."""
+    surface = random_waves(1, 8, 0.8, np.random.default_rng(1))
+    heights = surface(np.arange(256) / 256)
+    load: dict[str, Any] = {"pressure": 0.005, "boundary": "periodic"}
+    solve = partial(bem.solve_within, heights, 1.0, error, **load)
+
+    def solve_full() -> bem.Contact:
+        """Solve the full map, with the bar of its grid."""
+        contact = bem.solve(heights, 1.0, **load)
+        contact.grid_error()
+        return contact
+
+    contact = benchmark(solve)
+    exact = solve_full().continuum_area_percent
+    assert contact.continuum_area_percent == pytest.approx(exact, rel=error)
+    benchmark.extra_info["nodes"] = len(contact.pressure)
+    record_time_over(benchmark, "time_over_the_full_map", solve, solve_full)
 
 
 @pytest.mark.parametrize("rungs", [9, 41, 161])

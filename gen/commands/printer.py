@@ -534,6 +534,7 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
     """
     from gen.maps.accuracy import is_detail
     from gen.maps.answers import CONTINUUM_ERROR
+    from gen.maps.limits import CUT_OFF, TIP_RADIUS
 
     hidden = {
         *COLUMNS_OF_FILES,
@@ -544,6 +545,10 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
         CONTINUUM_ERROR,
         column,
     }
+    # Files of few instruments state the limits of these.
+    for name in (CUT_OFF, TIP_RADIUS):
+        if all(row.get(name, "") == "" for row in rows):
+            hidden.add(name)
     names = [name for name in rows[0] if name not in hidden and not is_detail(name)]
     loads = dict.fromkeys(row[column] for row in rows)  # each load once, in their order
     for load in loads:

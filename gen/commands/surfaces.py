@@ -12,13 +12,13 @@ import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
-from gen.material import Bodies, Gas
+from gen.material import Bodies, Friction, Gas, require_within, shear_shares
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
 from gen.runtime.terminal import echo
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.law import Law, Order
 
 
@@ -100,6 +100,8 @@ def contact(
     flow: options.Flow = False,
     stiffness: options.Stiffness = False,
     conductivity: options.Conductivity = None,
+    shear: options.Shear,
+    shares: options.SlipShares = "",
     threads: options.Threads = None,
     table: options.Table = None,
     json: options.Json = None,
@@ -111,6 +113,9 @@ def contact(
     The contact area is printed twice: as a share of the nodes, and in the continuum, with the error
     of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
     contact, the flow of a fluid through the gap, the stiffness and the conductance.
+
+    With --friction two like bodies are sheared: their stiffness before slip along x and y, and with
+    --shear the shift, the area that sticks, and the energy that a cycle loses.
 
     With --error each contact is solved on fewer nodes, as many as the error needs. Names of answers
     are area, mean_gap, stiffness, delta and force.
@@ -134,6 +139,9 @@ def contact(
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
     conductivities = _conductivities(conductivity)
+    friction = shear.friction_of(material)
+    slip_shares = _slip_shares(shares, friction)
+    _refuse_other_bodies(friction, kernel, far_field)
     settings: dict[str, Any] = {"max_iterations": max_iterations}
     errors = accuracy.errors(context)
     if errors is not None:
@@ -163,6 +171,8 @@ def contact(
             flow=flow,
             stiffness=stiffness,
             conductivities=conductivities,
+            friction=friction,
+            shares=slip_shares,
             errors=errors,
         ),
         bodies=bodies,
@@ -191,6 +201,38 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     if not values:
         return None
     return require_conductivities(values)
+
+
+def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:
+    """Return the values of the option --shear; refuse it without --friction."""
+    if text and friction is None:
+        raise InputError("--shear goes with --friction")
+    return shear_shares(text)
+
+
+def _refuse_other_bodies(friction: Friction | None, kernel: str, far_field: str) -> None:
+    """Refuse shear of contacts that are not those of half-spaces on a rigid far field."""
+    if friction is None or (kernel, far_field) == ("uniform-pressure", "rigid"):
+        return
+    raise InputError(
+        f"--friction with --kernel {kernel} and --far-field {far_field}: shear is that of"
+        " half-spaces; leave both options out"
+    )
+
+
+def _refuse_stick_pressure(order: Order) -> None:
+    """Refuse the option --at-pressure without --friction, or outside the pressures of a law."""
+    pressure = order.stick_pressure
+    if pressure is None:
+        return
+    if order.friction is None:
+        raise InputError("--at-pressure goes with --friction")
+    require_within("--at-pressure", pressure, "MPa")
+    from gen.law.finite_elements import require_in_law
+
+    pressures = order.loads().get("pressure")
+    if pressures is not None:
+        require_in_law(pressure, pressures[pressures > 0])
 
 
 def _gas(conductivity: float | None, jump_distance: float | None) -> Gas | None:
@@ -228,6 +270,8 @@ def law(
     pressure: options.Pressure = "",
     material: options.Material,
     conductivity: options.Conductivity = None,
+    shear: options.Shear,
+    at_pressure: options.AtPressure = None,
     gas_conductivity: options.GasConductivity = None,
     jump_distance: options.JumpDistance = None,
     boundary: options.Boundary = "mirror",
@@ -256,6 +300,9 @@ def law(
 
     With --error and a scene the means over its population have these errors. The number of surfaces
     on each of several grids follows from the error.
+
+    With --friction two like bodies are sheared: stiffness before slip and elastic slip along x and
+    y, and the shift and the loss of a cycle at 20, 40, 60 and 80 % of the sliding force.
     """
     from gen.law import Order
     from gen.law.files import show, write_files
@@ -280,6 +327,8 @@ def law(
         boundary=boundary,
         conductivities=_conductivities(conductivity),
         gas=_gas(gas_conductivity, jump_distance),
+        friction=shear.friction_of(material),
+        stick_pressure=at_pressure,
         stiffness=True,
         grid_error=accuracy.grid_error,
         errors=accuracy.errors(context),
@@ -292,6 +341,7 @@ def law(
         command=recorded_command_line(context, "gen"),
         both_tables=any((files.table, files.json, files.header)),
     )
+    _refuse_stick_pressure(order)
     contact_law, signal = _made(order, context, time_limit)
     show(contact_law)
     if signal:

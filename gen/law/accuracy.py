@@ -282,27 +282,41 @@ def notes(
     budgets = _budgets(tables)
     for name, parts in worst_parts(budgets, errors).items():
         yield (
-            f"{quantity_of(name).noun} within {percent(parts.total)} at 95 % at every load,"
-            f" {parts_in_words(parts)}"
+            f"{quantity_of(name).noun} within {percent(parts.total)} at 95 %, at each load by"
+            f" itself; {parts_in_words(parts)}"
         )
-    coarsest = min((budget.nodes for budget in budgets), key=math.prod)
-    finest = max((budget.nodes for budget in budgets), key=math.prod)
-    grids = (
-        f"{_size(coarsest)} to {_size(finest)}" if coarsest != finest else _size(finest)
-    )
-    largest_map = max((budget.map_nodes for budget in budgets), key=math.prod)
-    yield f"solved on {grids} nodes, where the largest map has {_size(largest_map)}"
+    yield _grids_in_words(budgets)
     exact = {*errors}
     if "delta" not in loads:
         exact.add("force")  # pressures are given
     if "pressure" not in loads:
         exact.add("delta")
-    others = [name for name in ANSWERS if name not in exact]
+    others = [_with_followers(name) for name in ANSWERS if name not in exact]
     if others:
-        yield (
-            f"no error was asked for of {', '.join(others)}, and of what follows from them, as the"
-            " closure from delta and the conductance from stiffness"
-        )
+        yield f"no error was asked for of {', '.join(others)}"
+
+
+def _with_followers(name: str) -> str:
+    """Return the name of an answer, with the quantity of a law that follows from it if any."""
+    match name:
+        case "delta":
+            return f"{name} (the closure)"
+        case "stiffness":
+            return f"{name} (the conductance)"
+    return name
+
+
+def _grids_in_words(budgets: Sequence[Budget]) -> str:
+    """Say which are the coarsest and the finest grid, and how many nodes the largest map has."""
+    # Without a load nothing is solved.
+    grids = [budget.nodes for budget in budgets if budget.trials]
+    coarsest = _size(min(grids, key=math.prod, default=(0, 0)))
+    finest = _size(max(grids, key=math.prod, default=(0, 0)))
+    text = f"solved on {coarsest} to {finest} nodes"
+    if coarsest == finest:
+        text = f"solved on {finest} nodes"
+    largest_map = max((budget.map_nodes for budget in budgets), key=math.prod)
+    return f"{text}, where the largest map has {_size(largest_map)}"
 
 
 def note_on_contacts_between(tables: Sequence[Curves], errors: Errors) -> str:

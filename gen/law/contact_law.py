@@ -456,7 +456,8 @@ def with_contacts_between(law: Law, solver: LawSolver | MeansSolver) -> Law:
 
     Contacts between the pressures are always solved, those between the Deltas only if
     `order.between` names "delta". Without "delta" the contacts serve tables of finite elements,
-    which hold neither the area in the continuum nor apertures: these two are not computed then.
+    which hold neither the area in the continuum nor apertures nor shear: these are not computed
+    then.
 
     Parameters
     ----------
@@ -473,7 +474,7 @@ def with_contacts_between(law: Law, solver: LawSolver | MeansSolver) -> Law:
     order = law.order
     over_delta = "delta" in order.between
     if not over_delta:
-        order = replace(order, grid_error=False, flow=False)
+        order = replace(order, grid_error=False, flow=False, friction=None)
     solver = solver.for_loads_between(order)
     between = SolverBetween(law, solver)
     solve_pressures = solve_for_lines if order.straight else solve_between

@@ -25,6 +25,7 @@ from gen.quantities import (
     DELTA,
     IN_LAWS,
     MEAN_GAP,
+    OF_SHEAR,
     PRESSURE,
     STIFFNESS,
 )
@@ -43,6 +44,13 @@ PARTS = {
     "_std": "std",
 }
 """Attributes of `Curve` by the suffix of their columns, which follows the name of the quantity."""
+
+SLIP_CURVE = {
+    quantity.in_laws
+    for quantity in OF_SHEAR
+    if quantity.name.startswith(("shift_", "loss_"))
+}
+"""Names in laws of the quantities of slip curves."""
 
 FORMAT_VERSION = 1
 """Version of the JSON document. It is raised when a reader of the last version would misread a
@@ -132,9 +140,10 @@ def _columns_shown(table: Curves) -> list[str]:
     """Return the names of the quantities whose columns are printed.
 
     A table against Delta is printed without the closure, so that its lines are shorter. A table
-    against pressure is printed without Delta if Delta equals the closure at every pressure.
+    against pressure is printed without Delta if Delta equals the closure at every pressure. Shifts
+    and losses are in files alone.
     """
-    names = list(table.curves)
+    names = [name for name in table.curves if name not in SLIP_CURVE]
     if table.against == DELTA.in_laws:
         names.remove(CLOSURE.in_laws)
         return names
@@ -339,6 +348,12 @@ def write_json(path: Path, law: Law) -> list[Path]:
     gas: dict[str, float] = {}
     if law.order.gas is not None:
         gas = law.order.gas.by_keys
+    friction: dict[str, float] = {}
+    if law.order.friction is not None:
+        friction = {
+            "friction": law.order.friction.coefficient,
+            "poisson_in_shear": law.order.friction.poisson,
+        }
     document: dict[str, Any] = {
         "format": "asperity contact law",
         "version": FORMAT_VERSION,
@@ -346,6 +361,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
         **gas,
+        **friction,
         "boundary": law.boundary,
         "surfaces": list(law.descriptions),
         "sources": [asdict(source) for source in law.sources],
@@ -481,13 +497,20 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
 def _panels(curves: Curves) -> list[Panel]:
     """Return panels of the closure, of the area, and of the conductance or else the stiffness.
 
-    The third one is left out if the table has neither.
+    The third one is left out if the table has neither. Tables with shear have two further panels:
+    stiffness in shear and elastic slip, along x.
     """
     closure = Panel(curve=curves.curves[CLOSURE.in_laws], label=CLOSURE.label)
     panels = [closure, drawn_area(curves)]
     name = curves.conductance_name or STIFFNESS.in_laws
     if name in curves.curves:
         panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
+    stiffness, slip = OF_SHEAR[:2]
+    if stiffness.in_laws in curves.curves:
+        panels.append(
+            Panel(curve=curves.curves[stiffness.in_laws], label=stiffness.label)
+        )
+        panels.append(Panel(curve=curves.curves[slip.in_laws], label=slip.label))
     return panels
 
 

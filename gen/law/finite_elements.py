@@ -33,8 +33,9 @@ from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
 from gen.law.curves import risen, trend
 from gen.law.lines import LEVEL, Column, Deviation, Line
+from gen.material import Friction
 from gen.options import BAND_SIDES, Units
-from gen.quantities import CLOSURE
+from gen.quantities import CLOSURE, QUANTITIES
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
@@ -52,6 +53,12 @@ may cause it [%]."""
 
 LONGEST_NAME = 60
 """Largest number of letters of the name of a surface interaction, which has to fit into 80."""
+
+SHEAR_STIFFNESSES = tuple(QUANTITIES[f"shear_stiffness_{axis}"].in_laws for axis in "xy")
+"""Names in laws of the stiffnesses in shear along x and y."""
+
+ELASTIC_SLIPS = tuple(QUANTITIES[f"elastic_slip_{axis}"].in_laws for axis in "xy")
+"""Names in laws of the elastic slips along x and y."""
 
 TEMPERATURE = 293.15
 """Temperature in the table of conductances, which do not depend on it; CalculiX wants one [K]."""
@@ -345,6 +352,8 @@ def _lines(
         loads, overclosures = _with_far_points(loads, overclosures)
     for load, overclosure in zip(loads, overclosures, strict=True):
         yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
+    if law.order.friction is not None and not side:
+        yield from _friction_lines(law, law.order.friction, units, calculix=calculix)
     if tables.conducting is not None:
         yield from _conductance_lines(tables.conducting, units, calculix=calculix)
 
@@ -360,6 +369,104 @@ def _interaction_name(path: Path) -> str:
     if name[:1].isalpha():
         return name
     return f"LAW_{name}".rstrip("_")
+
+
+def _friction_lines(
+    law: Law, friction: Friction, units: UnitSystem, *, calculix: bool
+) -> Iterator[str]:
+    """Yield the keyword of the friction with its line.
+
+    Abaqus takes an elastic slip, which hardly changes with the pressure. CalculiX takes the slope
+    of the shear stress over the shift, which is that at one pressure of the user's; without this
+    pressure there is a comment instead.
+    """
+    if not calculix:
+        slip = mean_elastic_slip(law) * units.length
+        yield f"*FRICTION, ELASTIC SLIP={slip:.10g}"
+        yield f"{friction.coefficient:.10g}"
+        return
+    pressure = law.order.stick_pressure
+    if pressure is None:
+        yield (
+            "** No *FRICTION: its stick slope grows with the pressure; --at-pressure gives it"
+            " at one."
+        )
+        return
+    slope = stick_slope(law, pressure) * units.pressure / units.length
+    yield "*FRICTION"
+    yield f"{friction.coefficient:.10g}, {slope:.10g}"
+
+
+def mean_elastic_slip(law: Law) -> float:
+    """Return the elastic slip of a law, the median over its pressures and both axes [um].
+
+    Parameters
+    ----------
+    law : Law
+        A law with shear.
+
+    Returns
+    -------
+    float
+        Elastic slip [um].
+    """
+    table = law.over_pressure
+    loaded = table.at > 0
+    slips = [table.curves[name].value[loaded] for name in ELASTIC_SLIPS]
+    return float(np.median(slips))
+
+
+def stick_slope(law: Law, pressure: float) -> float:
+    """Return the stiffness of the interface in shear at a pressure, the mean of both axes.
+
+    Between the pressures of the law it is a power of the pressure.
+
+    Parameters
+    ----------
+    law : Law
+        A law with shear.
+    pressure : float
+        Nominal pressure [MPa].
+
+    Returns
+    -------
+    float
+        Shear stress per shift [MPa/um].
+
+    Raises
+    ------
+    InputError
+        If the pressure is outside the law.
+    """
+    table = law.over_pressure
+    loaded = table.at > 0
+    pressures = table.at[loaded]
+    require_in_law(pressure, pressures)
+    stiffnesses = [table.curves[name].value[loaded] for name in SHEAR_STIFFNESSES]
+    mean = np.mean(stiffnesses, axis=0)
+    return float(np.exp(np.interp(np.log(pressure), np.log(pressures), np.log(mean))))
+
+
+def require_in_law(pressure: float, pressures: Values) -> None:
+    """Refuse a pressure of a stick slope that is outside the pressures of a law.
+
+    Parameters
+    ----------
+    pressure : float
+        Value of the option --at-pressure [MPa].
+    pressures : ndarray, shape (k,)
+        Ascending pressures of the law, at least one [MPa].
+
+    Raises
+    ------
+    InputError
+        If the pressure is below the first or above the last of them.
+    """
+    if not pressures[0] <= pressure <= pressures[-1]:
+        raise InputError(
+            f"--at-pressure {pressure:g}: the law is from {pressures[0]:g} to"
+            f" {pressures[-1]:g} MPa"
+        )
 
 
 def _conductance_lines(

@@ -10,7 +10,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.maps.bodies import Opposite
 from gen.maps.settings import Reading
-from gen.material import Gas, loads_from
+from gen.material import Friction, Gas, loads_from
 from gen.quantities import (
     ALSO,
     ALWAYS_IN_LAWS,
@@ -19,6 +19,7 @@ from gen.quantities import (
     DELTA,
     GAS,
     JOINT,
+    OF_SHEAR,
     PRESSURE,
     STIFFNESS,
     Media,
@@ -58,6 +59,10 @@ class Order:
     # Conductivities of both bodies [W/(m K)]; None for a law without conductance of spots.
     conductivities: tuple[float, float] | None = None
     gas: Gas | None = None  # gas in the gap; None for none
+    # Friction of bodies of like elastic constants; None for a law without shear.
+    friction: Friction | None = None
+    # Pressure at which the file for CalculiX takes its stick slope [MPa]; None for no slope.
+    stick_pressure: float | None = None
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
@@ -120,8 +125,10 @@ class Order:
 
     @property
     def media(self) -> Media:
-        """Conductivities of the bodies and the gas, for the conductances."""
-        return Media(conductivities=self.conductivities, gas=self.gas)
+        """Conductivities of the bodies, the gas, and the friction."""
+        return Media(
+            conductivities=self.conductivities, gas=self.gas, friction=self.friction
+        )
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -140,6 +147,8 @@ class Order:
             quantities.append(JOINT)
         if self.flow:
             quantities += APERTURES
+        if self.friction:
+            quantities += OF_SHEAR
         quantities += [ALSO[name] for name in self.also]
         return tuple(quantities)
 

@@ -53,8 +53,6 @@ def errors_from(text: str) -> dict[str, float]:
     for part in text.split(","):
         before, separator, number = part.rpartition("=")
         name = before.strip() if separator else "area"
-        if name in errors:
-            raise InputError(f"{place}: gives the error of {name} twice")
         is_percent = number.strip().endswith("%")
         try:
             value = float(number.strip().removesuffix("%"))
@@ -62,6 +60,8 @@ def errors_from(text: str) -> dict[str, float]:
             raise InputError(
                 f"{place}: give an error, as 3% or 0.03, or several as area=1%,mean_gap=2%"
             ) from None
+        if name in errors:
+            raise InputError(f"{place}: gives the error of {name} twice")
         errors[name] = value / 100 if is_percent else value
     with input_errors(place):
         return checked_errors(errors)

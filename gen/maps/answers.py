@@ -20,18 +20,20 @@ from gen.quantities import (
     nominal_area,
 )
 from gen.runtime.errors import InputError
+from gen.shear import Sheared
 
 if TYPE_CHECKING:
     from bem import Contact
     from bem.budget import ErrorParts
+    from gen.material import Friction
 
 
 @dataclass(frozen=True)
 class AnswerOptions:
     """Options of `gen contact` that add answers to those that are always given.
 
-    Each field but `errors` has the name of a `gen.quantities.Quantity.option`; an option that is
-    set adds the answers about the quantities with this option.
+    Each field but `errors` and `shares` has the name of a `gen.quantities.Quantity.option`; an
+    option that is set adds the answers about the quantities with this option.
     """
 
     # whether to estimate the area in the continuum and the error of the grid
@@ -42,6 +44,10 @@ class AnswerOptions:
     # thermal conductivities of the first and of the second body [W/(m K)], with which the
     # conductance is computed; None for no conductance
     conductivities: tuple[float, float] | None = None
+    # friction of bodies of like elastic constants, with which shear is computed; None for no shear
+    friction: Friction | None = None
+    # Shear forces over the force at which the bodies slide [1], for which the slip is computed.
+    shares: tuple[float, ...] = ()
     # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
     # contacts are solved on the coarsest grid that gives them; None for the grid of the map.
     errors: Mapping[str, float] | None = None
@@ -131,9 +137,10 @@ def answers(
     Raises
     ------
     InputError
-        If a linear solve, or the flow through the gap, does not converge.
+        If a linear solve, or the flow through the gap, does not converge; or if a contact that is
+        full and has no edges is sheared.
     """
-    media = Media(options.conductivities)
+    media = Media(options.conductivities, friction=options.friction)
     answers_of_contact: list[Answer] = []
     try:
         for option in options.names:
@@ -142,12 +149,16 @@ def answers(
                 answers_of_contact += _about_the_bodies(contact)
         if options.conductivities is not None:
             answers_of_contact.append(_conductance_per_area(contact, media))
+        if options.friction is not None and options.shares:
+            answers_of_contact += _about_the_slip(
+                contact, options.friction, options.shares
+            )
         if options.errors is not None:
             answers_of_contact += _about_the_grid(contact)
             answers_of_contact += _about_the_errors(contact, options.errors)
         if limits is not None:
             answers_of_contact += _about_the_limits(limits)
-    except ArithmeticError as error:
+    except (ArithmeticError, ValueError) as error:
         raise InputError(str(error)) from None
     residual = Answer(
         column="residual",
@@ -276,6 +287,35 @@ def _about_the_continuum(contact: Contact, area: float) -> list[Answer]:
             unit=error.reason,
         ),
     ]
+
+
+def _about_the_slip(
+    contact: Contact, friction: Friction, shares: Sequence[float]
+) -> list[Answer]:
+    """Return five answers for each axis and each share of the force at which the bodies slide.
+
+    They are the shift, the shear force, the tangent stiffness, the area that sticks and the loss.
+    Only files have the last four, because the first one states them in its unit.
+    """
+    about_the_slip: list[Answer] = []
+    for axis, axis_name in enumerate("xy"):
+        for point in Sheared(contact, friction, axis).curve(shares):
+            column = f"{axis_name}_at_{point.share:g}"
+            shift = Answer(
+                column=f"shift_{column}_um",
+                value=point.shift,
+                label=f"shift along {axis_name} at {point.share:g} of sliding",
+                unit=f"um, {point.stick_percent:.4g} % of the patch sticks, a cycle loses"
+                f" {point.loss:.4g} pJ",
+            )
+            about_the_slip += [
+                shift,
+                _detail(f"shear_force_{column}_uN", point.shear),
+                _detail(f"tangent_stiffness_{column}_N_per_m", point.stiffness),
+                _detail(f"stick_{column}_percent", point.stick_percent),
+                _detail(f"loss_{column}_pJ", point.loss),
+            ]
+    return about_the_slip
 
 
 def _about_the_grid(contact: Contact) -> list[Answer]:

@@ -50,7 +50,8 @@ def test_maps_that_cannot_be_read_are_named_and_left_out(tmp_path, capsys):
     (tmp_path / "note.txt").write_text("no map")
     with pytest.raises(InputError, match="neither a file nor a folder"):
         read_maps(tmp_path / "none")
-    assert read_maps(tmp_path) == []
+    with pytest.raises(InputError, match="no map of it can be read"):
+        read_maps(tmp_path)
     printed = capsys.readouterr().err
     assert "left out" in printed
     assert "flat.npy" in printed  # a file without a scan length
@@ -259,6 +260,12 @@ def test_full_grids_are_timed_beside_ours():
         (["--of", "speed"], "--of speed: give some of asked, times, full"),
         (["--maps", "none"], "none: is neither a file nor a folder"),
         (["--contacts", "0"], "contacts"),
+        (
+            ["--of", "asked", "--kinds", "cubes"],
+            "--kinds cubes: give some of waves without",
+        ),
+        (["--waves", "8,0"], "--waves 0: give numbers from 1 on"),
+        (["--nodes", "63"], "--nodes 63: give numbers from 64 on"),
     ],
 )
 def test_wrong_options_are_one_line(arguments, message, tmp_path, monkeypatch, capfd):

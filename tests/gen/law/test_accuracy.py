@@ -99,7 +99,7 @@ def test_the_band_of_one_surface_within_errors_is_these_errors(law):
 def test_print_json_and_files_say_what_was_asked_and_got(law, contacts):
     folder, printed = law
     worst = max(contact.budget.errors["area"].total for contact in contacts)
-    said = f"area in the continuum within {100 * worst:.2g} % at 95 % at every load, asked 3 %"
+    said = f"area in the continuum within {100 * worst:.2g} % at 95 %, at each load by itself"
     document = json_of(folder / "within.json")
     assert any(said in note for note in document["notes"])
     assert said in printed
