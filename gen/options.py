@@ -249,9 +249,10 @@ NewScene = Annotated[
     Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")
 ]
 Like = Annotated[
-    Path | None,
+    list[Path] | None,
     Option(
-        metavar="MAP", help="Instead of MAPS: a map, for a scene of surfaces like it."
+        metavar="MAP",
+        help="Instead of MAPS: a map, for a scene of surfaces like it. Again for more of its kind.",
     ),
 ]
 

@@ -135,6 +135,15 @@ class GeneratedSurface(Table):
     """Meanings of the columns that say where each surface was cut out of a larger one, by the names
     of the columns. The mapping is empty for generators that do not cut surfaces out."""
 
+    FOLLOWS_MAPS: ClassVar[bool] = False
+    """Whether the surfaces follow from measured maps. A patch is then mirrored by default, the grid
+    is known only when a run has found the maps, and a scene has to give its loads."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the table has recorded the files on which the grid depends, if there are any."""
+        return True
+
     @property
     def cuts_windows(self) -> bool:
         """Whether surfaces are windows that are cut out of larger ones."""

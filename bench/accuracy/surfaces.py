@@ -2,7 +2,7 @@
 
 A surface is a function of places, so that it can be read on any grid: on the map that a user would
 have, and on the finer grid that gives the true answers. Its random numbers have seeds of their own.
-The bars of `bem` were calibrated on other seeds, and on six of these kinds only.
+The weights of the bars of `bem` were fitted on other seeds.
 """
 
 import math

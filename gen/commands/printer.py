@@ -234,6 +234,9 @@ def _map_lines(table: Mapping[str, Any]) -> list[str]:
     for key, noun in MAPS.items():
         if key not in table:
             continue
+        if "maps" not in table[key]:  # the population of surfaces like maps
+            lines.append(f"  population: SHA-256 {table[key]['sha256'][:12]}...")
+            continue
         for number, record in enumerate(table[key]["maps"]):
             nx, ny = record["nodes"]
             sha256 = record["sha256"][:12]

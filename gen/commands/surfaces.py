@@ -391,7 +391,7 @@ def scene(
     material: options.Material,
     reading: FileReading,
 ) -> None:
-    """Examine measured maps and write a scene of their windows, or of surfaces like one map.
+    """Examine measured maps and write a scene of their windows, or of surfaces like them.
 
     Comments in the scene give the reasons for its values. The scene can be run as it is, and is
     meant to be edited.
@@ -400,7 +400,7 @@ def scene(
 
     draft(
         inputs=inputs or [],
-        like=like,
+        like=like or [],
         output=output,
         reading=Reading(**vars(reading)),  # with the defaults for all preparation
         bodies=Bodies.of(*material),

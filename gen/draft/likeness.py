@@ -33,6 +33,10 @@ PERIOD = 2
 SHORTEST = 2.02
 
 
+class NoLaw(InputError):
+    """No self-affine law fits a map."""
+
+
 @dataclass(frozen=True)
 class Roughness:
     """The rms height and the rms slope of several surfaces, as medians."""
@@ -78,7 +82,9 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     Raises
     ------
     InputError
-        If the map cannot be used, or no self-affine law fits it.
+        If the map cannot be used.
+    NoLaw
+        If no self-affine law fits it. It is a kind of InputError.
     """
     [survey] = require_usable(survey_maps([path], reading))
     reading = with_chosen_steps(reading, [survey])
@@ -130,14 +136,14 @@ def _stretch(topography: Topography) -> float:
 def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit:
     """Fit a law to a map after dividing its lengths along x by a stretch [1].
 
-    Raise InputError, which names the file `path`, if no law fits.
+    Raise NoLaw, which names the file `path`, if no law fits.
     """
     length, width = topography.sides
     isotropic = replace(topography, sides=(length / stretch, width))
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
     if isinstance(fit, str):  # the reason why no law fits
-        raise InputError(f"{path}: no self-affine law fits it: {fit}")
+        raise NoLaw(f"{path}: no self-affine law fits it: {fit}")
     return fit
 
 

@@ -271,6 +271,26 @@ def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None
     return None
 
 
+def nodes_like(shape: tuple[int, int], length: float) -> int:
+    """Choose the nodes along each side of surfaces like a map.
+
+    Parameters
+    ----------
+    shape : pair of int
+        Nodes of the map along x and y.
+    length : float
+        Autocorrelation length of the map in distances of the nodes; NaN if it is not known.
+
+    Returns
+    -------
+    int
+        One of `SIZES` that suits the length. It is not larger than the map, unless the map is
+        smaller than the smallest size.
+    """
+    sizes = [size for size in _sizes_for(length) if size <= min(shape)]
+    return max(sizes, default=SIZES[-1])
+
+
 def _sizes_for(length: float) -> list[int]:
     """Return the sizes of windows that suit an autocorrelation length, the largest first.
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from string import Template
 
 from gen.draft.likeness import NODES, Likeness, rounded
+from gen.draft.populations import LikeMaps
 from gen.draft.proposal import LOADS_PER_SURFACE, Proposal
 from gen.draft.survey import MapSurvey, remarks
 from gen.generators.scans import MOST_PATTERNS
@@ -28,7 +29,7 @@ from gen.runtime.files import atomic
 from gen.runtime.terminal import command_to_type, printable
 from gen.scene import Scene
 
-SURFACES = 600  # number of self-affine surfaces in a scene like a map
+SURFACES = 600  # number of surfaces in a scene like a map
 
 # largest factor between a wavelength or the rms slope of the map and that of a surface
 SPREAD = 1.25
@@ -149,6 +150,81 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
         "contact": _contact_keys(bodies),
     }
     return filled(_template("like"), texts)
+
+
+def scene_of_population(
+    like: LikeMaps, bodies: Bodies, command: str, output: Path, population: Path
+) -> str:
+    """Return the text of a scene of surfaces of a population, with comments.
+
+    Parameters
+    ----------
+    like : LikeMaps
+        The population, and the maps to which it was fitted.
+    bodies : Bodies
+        Material of the contact.
+    command : str
+        The command line, which a comment quotes.
+    output : Path
+        The file that will hold the scene.
+    population : Path
+        The file of the population, in the same folder.
+
+    Returns
+    -------
+    str
+        The scene in TOML.
+
+    Raises
+    ------
+    InputError
+        If TOML cannot hold the name of a map.
+    """
+    names = [survey.path.name for survey in like.surveys]
+    title = f"Surfaces like {names[0]}"
+    if len(names) > 1:
+        title = f"Surfaces like {len(names)} maps"
+    fitted = like.population
+    slopes = [survey.rms_slope for survey in like.surveys]
+    remarks = [f"# NOTE: {remark}." for remark in fitted.remarks]
+    texts = {
+        "names": printable(", ".join(names)),
+        **_beginning(title, output, command, surfaces=SURFACES),
+        "fit": _fit_command(output),
+        "preparation_of_maps": _steps_of_preparation(like),
+        "population": quoted(population.name),
+        "step": spacing_text(fitted.spacing, 4),
+        "shortest": f"{fitted.shortest:.4g}",
+        "longest": " x ".join(f"{length:.4g}" for length in fitted.longest),
+        "remarks": "\n".join(remarks),
+        "nodes": str(like.nodes),
+        "scale": _scale(like),
+        "load": _load_table(bodies, slopes, nodes=like.nodes**2),
+        "contact": _contact_keys(bodies),
+    }
+    return filled(_template("population"), texts)
+
+
+def _steps_of_preparation(like: LikeMaps) -> str:
+    """Return a sentence on how the maps were prepared."""
+    noun = "The map was" if len(like.surveys) == 1 else "The maps were"
+    return f"{noun} prepared by {_preparation_options(like.reading)}."
+
+
+def _scale(like: LikeMaps) -> str:
+    """Return the key `scale`, with a comment on the rms heights of the maps."""
+    smallest, largest = like.scales
+    if len(like.surveys) == 1:
+        return (
+            "# Heights over those of the map. One map does not tell how they scatter: give a range"
+            " if\n# you know it, as [0.9, 1.1].\nscale = 1.0"
+        )
+    low = rounded(smallest, 3)
+    high = rounded(largest, 3)
+    return (
+        "# Heights over those of the median map, as far as they scatter among the maps.\n"
+        f"scale = {_range(low, high)}"
+    )
 
 
 def _template(name: str) -> str:

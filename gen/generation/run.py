@@ -404,7 +404,7 @@ def _remarks_on_functions(scene: Scene) -> list[str]:
 
 def _remarks_on_maps(scene: Scene) -> list[str]:
     """Return the generator's lines about its maps, or an empty list if it uses no maps."""
-    if not scene.surface.cuts_windows:
+    if not scene.surface.FOLLOWS_MAPS:
         return []  # the generator uses no maps
     return scene.surface.remarks()
 

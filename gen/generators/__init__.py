@@ -1,6 +1,7 @@
 """The list of all generators of rough surfaces.
 
-Two of them are files of this folder: windows of measured maps, and functions that users write.
+Three of them are files of this folder: windows of measured maps, surfaces like measured maps, and
+functions that users write.
 """
 
 from typing import TYPE_CHECKING, Annotated, Union
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Union
 from pydantic import Field
 
 from gen.generators.function import PythonSurface
+from gen.generators.like import LikeSurface
 from gen.generators.scans import ScanSurface
 from gen.spectral import SpectralSurface
 from gen.surface import DisplacedSurface, GeneratedSurface
@@ -16,6 +18,7 @@ GENERATORS: tuple[type[GeneratedSurface], ...] = (
     DisplacedSurface,
     SpectralSurface,
     ScanSurface,
+    LikeSurface,
     PythonSurface,
 )
 """Classes of the table `[surface]`. A new generator is a file of this folder and a line here.

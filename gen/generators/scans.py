@@ -200,6 +200,8 @@ class ScanSurface(GeneratedSurface):
     `found` is set. Private methods work on the first body unless they say otherwise.
     """
 
+    FOLLOWS_MAPS: ClassVar[bool] = True
+
     PLACES: ClassVar[Mapping[str, str]] = {
         "map": "index of the surface's map",
         # Among the tiles of all maps; with maps of a second body, among groups of tiles of both
@@ -228,6 +230,11 @@ class ScanSurface(GeneratedSurface):
     against_found: RecordedMaps | None = Field(
         default=None, description="the maps of the second body that a run has found"
     )
+
+    @property
+    def is_complete(self) -> bool:
+        """Override `GeneratedSurface.is_complete`: whether the maps are recorded."""
+        return self.found is not None
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
         """Override `GeneratedSurface.patch`: return the nodes and sides [um] of a window.

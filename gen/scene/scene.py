@@ -19,14 +19,13 @@ from pydantic import (
 )
 
 from gen.distribution import Distribution, Table, conflict, limits
-from gen.generators import GENERATORS, Surface
-from gen.generators.scans import ScanSurface
+from gen.generators import GENERATORS, TAGS, Surface
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
-from gen.surface import DisplacedSurface, Grid
+from gen.surface import DisplacedSurface, GeneratedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row of its database."""
@@ -77,8 +76,8 @@ class Scene(Table):
         """Fill in the defaults of a scene that depend on its other keys, which pydantic cannot.
 
         They are the generator of a table `[surface]` that names none, the boundary of windows, and
-        the spacing of patches without edges. A scene without loads gets the table `[delta]`; but a
-        scene of windows does not, because the user has to give its loads.
+        the spacing of patches without edges. A scene without loads gets the table `[delta]`, unless
+        its surfaces follow maps: the user has to give its loads then.
         """
         # a Scene, or content that pydantic will refuse
         if not isinstance(content, dict):
@@ -88,12 +87,12 @@ class Scene(Table):
         if isinstance(surface, dict):
             surface = {"generator": DEFAULT_GENERATOR, **surface}
             completed["surface"] = surface
-        windows = _are_windows(surface)
+        follows_maps = _follows_maps(surface)
         contact = completed.get("contact", {})
         if isinstance(contact, dict):
-            completed["contact"] = _completed_contact(contact, windows=windows)
+            completed["contact"] = _completed_contact(contact, mirrored=follows_maps)
         has_loads = "delta" in completed or "load" in completed
-        if not windows and not has_loads:
+        if not follows_maps and not has_loads:
             completed["delta"] = Delta()
         return completed
 
@@ -107,8 +106,8 @@ class Scene(Table):
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'"
             )
-        if isinstance(self.surface, ScanSurface) and self.surface.found is None:
-            # The grid is known only when a run has found the maps. Then the scene is checked again.
+        if not self.surface.is_complete:
+            # The grid is known when a run has found the files. Then the scene is checked again.
             return self
         fault = self.surface.fault_on(self.grid)
         if fault:
@@ -120,8 +119,8 @@ class Scene(Table):
         """Refuse a scene with both tables of loads, or with none."""
         if self.delta is None and self.load is None:
             raise conflict(
-                "surfaces of scans need loads: give [load], as quantity = 'pressure/(E* slope_rms)'"
-                " and range = { log_uniform = [0.003, 0.1] }"
+                "surfaces that follow maps need loads: give [load], as"
+                " quantity = 'pressure/(E* slope_rms)' and range = { log_uniform = [0.003, 0.1] }"
             )
         if self.delta is not None and self.load is not None:
             raise conflict(
@@ -156,10 +155,10 @@ class Scene(Table):
         """Return the content of a scene without keys that are None.
 
         A free boundary is left out too where it is the default, so that older scenes keep their
-        fingerprints. For windows the default is a mirror.
+        fingerprints. If surfaces follow maps, the default is a mirror.
         """
         content: dict[str, Any] = handler(self)
-        if self.contact.boundary == "free" and not self.surface.cuts_windows:
+        if self.contact.boundary == "free" and not self.surface.FOLLOWS_MAPS:
             content.get("contact", {}).pop("boundary", None)
         return {name: value for name, value in content.items() if value is not None}
 
@@ -425,24 +424,26 @@ class Scene(Table):
         return content
 
 
-def _are_windows(surface: object) -> bool:
-    """Tell whether surfaces are windows of scans.
+def _follows_maps(surface: object) -> bool:
+    """Tell whether surfaces follow from measured maps.
 
     `surface` is the content of a table `[surface]` with the key `generator`, a checked table, or
     None for the default table.
     """
     if isinstance(surface, dict):
-        return surface["generator"] in ScanSurface.NAMES
-    return isinstance(surface, ScanSurface)
+        name = surface["generator"]
+        return isinstance(name, str) and name in TAGS and TAGS[name].FOLLOWS_MAPS
+    return isinstance(surface, GeneratedSurface) and surface.FOLLOWS_MAPS
 
 
-def _completed_contact(contact: dict[str, Any], *, windows: bool) -> dict[str, Any]:
-    """Return the content of `[contact]` with defaults for windows and patches without edges.
+def _completed_contact(contact: dict[str, Any], *, mirrored: bool) -> dict[str, Any]:
+    """Return the content of `[contact]` with its defaults for patches without edges.
 
-    Windows are mirrored by default, and patches without edges have the spacing "side/n".
+    With `mirrored` the boundary is a mirror by default. Patches without edges have the spacing
+    "side/n".
     """
     completed = dict(contact)
-    if windows:
+    if mirrored:
         completed.setdefault("boundary", "mirror")
     if completed.get("boundary", "free") != "free":
         completed.setdefault("spacing", "side/n")

@@ -4,6 +4,7 @@ import sys
 from importlib.util import find_spec
 
 import h5py
+import numpy as np
 import pytest
 import user_functions
 from databases import deterministic_bytes
@@ -11,6 +12,7 @@ from launch import launch, walk
 
 from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
+from tests.like_maps import population
 
 pytestmark = pytest.mark.mpi
 
@@ -44,6 +46,15 @@ hurst = { choice = [0.5, 0.6, 0.8], shares = [0.5, 0.25, 0.25] }
 quantity = "delta/height_rms"
 range = [0.1, 2.0]
 """
+LIKE = """[surface]
+generator = "like"
+population = "p.json"
+nodes = 32
+scale = [0.8, 1.25]
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = [0.01, 0.1]
+"""
 SCANS = """[surface]
 generator = "scans"
 files = "maps"
@@ -64,6 +75,7 @@ SCENES = {
     "yielding": YIELDING,
     "displaced": DISPLACED,
     "spectral": SPECTRAL,
+    "like": LIKE,
     "python": user_functions.SURFACE + user_functions.STORE,
 }
 if find_spec("SurfaceTopography"):  # which the environment of parallel HDF5 does not have
@@ -94,6 +106,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("serial")
     if "scans" in SCENES:
         write_all(folder / "maps", MAPS)
+    (folder / "p.json").write_text(population(np.exp).text)
     (folder / "mine.py").write_text(user_functions.MODULE)
     for name in SCENES:
         (folder / f"{name}.toml").write_text(text(name))

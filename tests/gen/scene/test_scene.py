@@ -295,9 +295,11 @@ INSTEAD = re.findall(r"^# (\[\w+\]\n(?:# \w.*\n|#  .*\n)+)", PAPER, flags=re.MUL
 """Tables that stand in comments of the paper's scene, in place of those that it has."""
 
 
-@pytest.mark.parametrize("block", INSTEAD, ids=["spectral", "scans", "python", "load"])
+@pytest.mark.parametrize(
+    "block", INSTEAD, ids=["spectral", "scans", "like", "python", "load"]
+)
 def test_tables_in_comments_are_scenes(block):
-    needed = INSTEAD[-1] if "scans" in block else ""
+    needed = INSTEAD[-1] if "scans" in block or "like" in block else ""
     text = re.sub(r"^# ?", "", block + needed, flags=re.MULTILINE)
     scene = Scene.parse(f"samples = 3\n{text}", "comments")
     assert scene.fingerprint() != load("paper").fingerprint()

@@ -1,0 +1,329 @@
+"""Surfaces like measured maps: a spectrum in bands, a distribution of heights, and new phases.
+
+A surface is a translation field g(u): u is a Gaussian random field with the spectrum of the
+population, and g a rising curve from normal scores to heights [1]_ [2]_. The population is a record
+of plain numbers in a JSON file, which `gen.draft.populations` fits to maps.
+
+References
+----------
+.. [1] F. Yamazaki, M. Shinozuka, Digital generation of non-Gaussian stochastic fields, Journal of
+   Engineering Mechanics 114, 1183-1197, 1988.
+.. [2] M. Grigoriu, Simulation of stationary non-Gaussian translation processes, Journal of
+   Engineering Mechanics 124, 121-126, 1998.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_config
+
+from gen.arrays import Heights, Values
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import printable
+
+FORMAT: Literal["asperity population 1"] = "asperity population 1"
+"""First value of the file of a population: its kind and the number of its layout."""
+
+LARGEST_FILE = 2_000_000
+"""Largest size of the file of a population [bytes]. Most have 10 to 60 kB."""
+
+MOST_BANDS = 200
+"""Largest number of bands along an axis. A map of 4,097 nodes has 62."""
+
+# number of normal scores at which the curve of heights is tabulated
+TABULATED = 2001
+# No node of any surface has a score beyond this number: a share of 1e-15 would.
+FURTHEST_SCORE = 8.0
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Above0 = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=2, le=10**6)]
+Row = Annotated[tuple[Number, ...], Field(max_length=MOST_BANDS)]
+Bands = Annotated[tuple[Number, ...], Field(min_length=2, max_length=MOST_BANDS)]
+Curve = Annotated[tuple[Number, ...], Field(min_length=2, max_length=1000)]
+
+
+@with_config(ConfigDict(extra="forbid"))
+@dataclass(frozen=True)
+class SourceMap:
+    """A map to which a population was fitted."""
+
+    name: Annotated[str, Field(max_length=1000)]  # name of its file
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]  # hash of the file's content
+    nodes: tuple[Count, Count]  # nodes along x and y after the preparation
+    rms_height: Above0  # after the preparation [um]
+
+
+@with_config(ConfigDict(extra="forbid"))
+@dataclass(frozen=True)
+class Population:
+    """Surfaces of one kind: the spectrum of a Gaussian field, and the curve to heights.
+
+    The spectrum is a table over bands of waves along both axes. It has two parts, for waves whose
+    components have equal and opposite signs, so that a lay may have any direction.
+    """
+
+    format: Literal["asperity population 1"]
+    maps: Annotated[tuple[SourceMap, ...], Field(min_length=1, max_length=1000)]
+    preparation: Annotated[str, Field(max_length=10_000)]  # how the maps were prepared
+    spacing: tuple[Above0, Above0]  # distance of the nodes along x and y [um]
+    # shortest wavelength that carries roughness [um]: waves that are shorter have 1 % of the mean
+    # square slope together
+    shortest: Above0
+    # what the surfaces do not share with the maps, in sentences
+    remarks: Annotated[tuple[str, ...], Field(max_length=20)]
+    bands_x: Bands  # middle of each band along x, rising from 0 [1/um]
+    bands_y: Bands  # middle of each band along y, rising from 0 [1/um]
+    # logarithm of the relative spectral density of the Gaussian field, shape (2, bands along x,
+    # bands along y): first for waves whose components have equal signs, then for opposite signs
+    logarithms: tuple[
+        Annotated[tuple[Row, ...], Field(max_length=MOST_BANDS)],
+        Annotated[tuple[Row, ...], Field(max_length=MOST_BANDS)],
+    ]
+    scores: Curve  # rising normal scores [1]
+    heights: Curve  # heights at these scores, rising [um]
+
+    @classmethod
+    def parse(cls, text: str, source: str) -> Self:
+        """Read a population from the content of its file.
+
+        Parameters
+        ----------
+        text : str
+            The content, JSON as `text` writes it.
+        source : str
+            Name of the file, for messages.
+
+        Returns
+        -------
+        Population
+            The population.
+
+        Raises
+        ------
+        InputError
+            If the text is not that of a population.
+        """
+        try:
+            population = TypeAdapter(cls).validate_json(text)
+        except ValidationError as error:
+            fault = error.errors(include_url=False, include_input=False)[0]
+            place = ".".join(str(part) for part in fault["loc"][:2])
+            raise InputError(
+                printable(
+                    f"{source}: no population that `gen scene --like` wrote:"
+                    f" {place or 'JSON'}: {fault['msg']}"
+                )
+            ) from None
+        population._require_consistency(source)
+        return population
+
+    def _require_consistency(self, source: str) -> None:
+        """Raise InputError, which names the file `source`, if numbers do not fit together."""
+        shape = (2, len(self.bands_x), len(self.bands_y))
+        rows = {len(row) for part in self.logarithms for row in part}
+        is_table = {len(part) for part in self.logarithms} == {shape[1]}
+        if not is_table or rows != {shape[2]}:
+            raise InputError(f"{source}: logarithms: not a table over the bands")
+        if len(self.scores) != len(self.heights):
+            raise InputError(f"{source}: scores and heights: not of one length")
+        for name in ("bands_x", "bands_y", "scores"):
+            if (np.diff(getattr(self, name)) <= 0).any():
+                raise InputError(f"{source}: {name}: do not rise")
+        if (np.diff(self.heights) < 0).any() or self.heights[0] == self.heights[-1]:
+            raise InputError(f"{source}: heights: do not rise")
+        if self.bands_x[0] != 0 or self.bands_y[0] != 0:
+            raise InputError(f"{source}: bands: do not begin at 0")
+
+    @functools.cached_property
+    def text(self) -> str:
+        """The content of the population's file: JSON, a line for each key."""
+        lines = [
+            f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}"
+            for key, value in asdict(self).items()
+        ]
+        return "{\n" + ",\n".join(lines) + "\n}\n"
+
+    @property
+    def longest(self) -> tuple[float, float]:
+        """Longest waves that the maps tell of, along x and y [um]."""
+        return (2 * math.pi / self.bands_x[1], 2 * math.pi / self.bands_y[1])
+
+    @property
+    def nodes(self) -> tuple[int, int]:
+        """Nodes along x and y of a period as long as the longest waves that the maps tell of."""
+        length_x, length_y = self.longest
+        dx, dy = self.spacing
+        return (round(length_x / dx), round(length_y / dy))
+
+    def heights_of(self, scores: Values) -> Heights:
+        """Return the heights at normal scores.
+
+        Parameters
+        ----------
+        scores : ndarray, any shape
+            Normal scores [1].
+
+        Returns
+        -------
+        ndarray, shape of `scores`
+            Heights [um].
+        """
+        places, heights = tabulated_curve(self.scores, self.heights)
+        return np.interp(scores, places, heights)
+
+
+def densities_at(
+    logarithms: Values, bands: tuple[Values, Values], qx: Values, qy: Values
+) -> Values:
+    """Interpolate a spectral density in bands between the middles of the bands.
+
+    Its logarithm is interpolated, and is constant beyond the last band.
+
+    Parameters
+    ----------
+    logarithms : ndarray, shape (2, bands along x, bands along y)
+        Logarithms of the density for waves whose components have equal and opposite signs.
+    bands : pair of ndarray
+        Middles of the bands along x and along y, rising from 0 [1/um].
+    qx : ndarray, shape (n,)
+        Components of wavevectors along x [1/um].
+    qy : ndarray, shape (m,)
+        Components along y, all of 0 or more [1/um].
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        The density, in its unit. The mean, whose components are both 0, has none.
+    """
+    along_x = _band_weights(bands[0], np.abs(qx))
+    along_y = _band_weights(bands[1], qy)
+    is_opposite = qx < 0
+    interpolated = along_x @ logarithms[0] @ along_y.T
+    interpolated[is_opposite] = along_x[is_opposite] @ logarithms[1] @ along_y.T
+    densities: Values = np.exp(interpolated)
+    densities[np.ix_(qx == 0, qy == 0)] = 0.0
+    return densities
+
+
+def _band_weights(bands: Values, wavenumbers: Values) -> Values:
+    """Return weights of bands, by which a table over bands is interpolated at wavenumbers.
+
+    `bands` are the middles of the bands, rising from 0 [1/um], and `wavenumbers` have the shape
+    (n,) and the unit 1/um. The result has the shape (n, bands); the weights of a wavenumber have
+    the sum 1. The scale is logarithmic, but for the first bands, where it is linear.
+    """
+    places = np.log1p(bands / bands[1])
+    wanted = np.log1p(wavenumbers / bands[1])
+    positions = np.interp(wanted, places, np.arange(bands.size))
+    below = np.minimum(positions.astype(np.int64), bands.size - 2)
+    share = positions - below
+    rows = np.arange(wavenumbers.size)
+    weights = np.zeros((wavenumbers.size, bands.size))
+    weights[rows, below] = 1.0 - share
+    weights[rows, below + 1] = share
+    return weights
+
+
+@functools.lru_cache(maxsize=8)
+def tabulated_curve(
+    scores: tuple[float, ...], heights: tuple[float, ...]
+) -> tuple[Values, Heights]:
+    """Tabulate the curve from normal scores to heights, for linear interpolation.
+
+    Between the given scores the curve is smooth and rises (piecewise cubic, without overshoot);
+    beyond them it goes on straight.
+
+    Parameters
+    ----------
+    scores : tuple of float
+        Rising normal scores, at least two [1].
+    heights : tuple of float
+        Heights at these scores, rising, in any unit.
+
+    Returns
+    -------
+    scores : ndarray, shape (`TABULATED`,)
+        Many normal scores [1].
+    heights : ndarray, shape (`TABULATED`,)
+        The heights at them, in the given unit.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    known = np.array(scores)
+    heights_there = np.array(heights)
+    places = np.linspace(-FURTHEST_SCORE, FURTHEST_SCORE, TABULATED)
+    inside = np.clip(places, known[0], known[-1])
+    curve = PchipInterpolator(known, heights_there)(inside)
+    slopes = np.diff(heights_there) / np.diff(known)
+    beyond = places - inside
+    curve += beyond * np.where(beyond < 0, slopes[0], slopes[-1])
+    return places, curve
+
+
+@functools.lru_cache(maxsize=4)
+def _amplitudes(population: Population, period: tuple[int, int]) -> Values:
+    """Return amplitudes of the waves of a Gaussian field with unit variance on a period [1].
+
+    The shape is that of `rfft2` of a field with the nodes `period`. Waves of two nodes are left
+    out, because two nodes do not determine their phase.
+    """
+    nx, ny = period
+    dx, dy = population.spacing
+    numbers_x = np.fft.fftfreq(nx, 1 / nx)
+    numbers_y = np.arange(ny // 2 + 1)
+    qx = np.asarray(2 * math.pi / (nx * dx) * numbers_x, dtype=np.float64)
+    qy = np.asarray(2 * math.pi / (ny * dy) * numbers_y, dtype=np.float64)
+    bands = (np.array(population.bands_x), np.array(population.bands_y))
+    powers = densities_at(np.array(population.logarithms), bands, qx, qy)
+    powers[2 * np.abs(numbers_x) == nx] = 0.0
+    powers[:, 2 * numbers_y == ny] = 0.0
+    # The transform holds one of two opposite waves, but both in the column of qy = 0.
+    total = 2 * powers[:, 1:].sum() + powers[:, 0].sum()
+    amplitudes: Values = nx * ny * np.sqrt(powers / (2 * total))
+    # Of independent noise at both of two opposite waves, the transform keeps half of the power.
+    amplitudes[:, 0] *= math.sqrt(2)
+    return amplitudes
+
+
+def generate_like(
+    population: Population,
+    shape: tuple[int, int],
+    period: tuple[int, int],
+    random: np.random.Generator,
+) -> Heights:
+    """Generate a surface of a population.
+
+    Parameters
+    ----------
+    population : Population
+        The population.
+    shape : tuple of int
+        Nodes (nx, ny) of the surface.
+    period : tuple of int
+        Nodes of the period out of whose corner the surface is cut, at least those of the shape and
+        at least 4. Over a period, the Gaussian field has the mean 0 and the variance 1, so that all
+        surfaces have the population's distribution of heights.
+    random : numpy.random.Generator
+        Source of the phases and the amplitudes of the waves. The call moves its state.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Heights [um]. The nodes have the spacing of the population.
+    """
+    amplitudes = _amplitudes(population, period)
+    noise: NDArray[np.complex128] = np.empty(amplitudes.shape, dtype=complex)
+    noise.real = random.standard_normal(amplitudes.shape)
+    noise.imag = random.standard_normal(amplitudes.shape)
+    noise *= amplitudes
+    field = np.fft.irfft2(noise, s=period)
+    corner = field[: shape[0], : shape[1]]
+    return population.heights_of(corner / field.std())

@@ -1,0 +1,102 @@
+"""Surfaces of a population: their spectrum, their heights, and the file of the population."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import bem
+from gen.population import Population, densities_at, generate_like
+from gen.runtime.errors import InputError
+from tests.like_maps import population
+
+
+def generated(fitted, number=40, shape=(64, 96)):
+    """Surfaces that are periods of their own."""
+    return [
+        generate_like(fitted, shape, shape, np.random.default_rng(seed))
+        for seed in range(number)
+    ]
+
+
+def test_a_population_is_its_file():
+    fitted = population(np.exp)
+    assert Population.parse(fitted.text, "p.json") == fitted
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"format": "asperity population 2"}, "format"),
+        ({"spacing": [1.0, 0.0]}, "spacing"),
+        ({"code": "print()"}, "code"),
+        ({"heights": [0.0] * 33}, "heights: do not rise"),
+        ({"scores": [0.0, 1.0]}, "not of one length"),
+        ({"bands_x": [0.5 + 0.1 * i for i in range(40)]}, "begin at 0"),
+        ({"logarithms": [[[0.0]], [[0.0]]]}, "not a table over the bands"),
+        ({"remarks": None}, "remarks"),
+    ],
+)
+def test_other_files_are_refused_in_one_line(change, words):
+    content = json.loads(population().text) | change
+    with pytest.raises(InputError, match=words) as refusal:
+        Population.parse(json.dumps(content), "p.json")
+    assert str(refusal.value).startswith("p.json: ")
+    assert "\n" not in str(refusal.value)
+
+
+def test_densities_are_those_of_bands_between_them_and_beyond():
+    """In the middles of bands, on the straight line between two, and constant after the last."""
+    bands = np.array([0.0, 1.0, 3.0, 7.0])  # equal steps of log(1 + q)
+    table = np.arange(32.0).reshape(2, 4, 4) / 10
+    densities = densities_at(
+        table, (bands, bands), np.array([1.0, -3.0, 0.0, 99.0]), np.array([0.0, 7.0])
+    )
+    expected = [
+        [table[0, 1, 0], table[0, 1, 3]],
+        [table[1, 2, 0], table[1, 2, 3]],
+        [-math.inf, table[0, 0, 3]],  # the mean has no power
+        [table[0, 3, 0], table[0, 3, 3]],
+    ]
+    with np.errstate(divide="ignore"):
+        assert np.log(densities) == pytest.approx(np.array(expected))
+
+
+def test_the_gaussian_field_has_unit_variance_and_its_spectrum():
+    """Against the autocorrelation of the spectrum, exp(-(0.3 r)^2 / 2) for unit spacing."""
+    surfaces = generated(population())
+    assert [surface.std() for surface in surfaces] == pytest.approx([1.0] * 40, rel=1e-3)
+    for axis in (0, 1):
+        for nodes in (1, 4):
+            shifted = [np.roll(surface, nodes, axis) for surface in surfaces]
+            correlation = np.mean(
+                [np.mean(a * b) for a, b in zip(surfaces, shifted, strict=True)]
+            )
+            assert correlation == pytest.approx(
+                math.exp(-0.5 * (0.3 * nodes) ** 2), abs=0.02
+            )
+
+
+def test_waves_along_x_may_be_longer_than_along_y():
+    surfaces = generated(population(wide=3.0))
+    slopes = [np.mean([np.diff(s, axis=axis).std() for s in surfaces]) for axis in (0, 1)]
+    assert slopes[1] / slopes[0] == pytest.approx(3.0, rel=0.1)
+
+
+def test_heights_follow_the_curve():
+    """Quantiles of lognormal heights over all surfaces, each of which has few independent ones."""
+    heights = np.ravel(generated(population(np.exp)))
+    shares = [0.1, 0.5, 0.9]
+    scores = np.array([-1.2816, 0.0, 1.2816])
+    assert np.quantile(heights, shares) == pytest.approx(np.exp(scores), rel=0.05)
+
+
+def test_a_made_surface_has_an_area_within_an_error():
+    """Its waves are long enough for `solve_within`."""
+    [heights] = generated(population(), number=1, shape=(128, 128))
+    contact = bem.solve_within(
+        heights, 128.0, {"area": 0.05}, pressure=0.05, boundary="periodic"
+    )
+    exact = bem.solve(heights, 128.0, pressure=0.05, boundary="periodic")
+    assert contact.area_percent == pytest.approx(exact.area_percent, rel=0.05)
