@@ -360,7 +360,7 @@ def _made(
     `time_limit` is the value of --time-limit [s]. Raises InputError for options that do not go with
     the error of means.
     """
-    from gen.law import by_solver
+    from gen.law import by_means, by_solver
     from gen.law.surfaces import has_scene
     from gen.runtime.farm import Interruption
 
@@ -375,7 +375,7 @@ def _made(
         raise InputError(f"--time-limit {time_limit:g}: give a number of seconds above 0")
     end = time.monotonic() + (time_limit or math.inf)
     with Interruption(listening=True) as interruption:
-        contact_law = by_solver(
+        contact_law = by_means(
             order, lambda: interruption.requested() or time.monotonic() > end
         )
         return contact_law, interruption.signal

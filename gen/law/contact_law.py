@@ -11,7 +11,7 @@ finite-element model, not to the interface.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,7 @@ from gen.law.between import check_loads, merged, solve_between, solve_for_lines
 from gen.law.curves import APART, Curves, Points, risen, tabulated, without_reversals
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
-from gen.law.surfaces import LawSurfaces, Source, has_scene, read_law_surfaces
+from gen.law.surfaces import LawSurfaces, Source, read_law_surfaces
 from gen.maps.limits import MapLimits, limits_of
 from gen.material import Bodies
 from gen.quantities import AREA
@@ -35,7 +35,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import shortened
 
 if TYPE_CHECKING:
-    from gen.law.means import MeansSolver, SampledMeans
+    from gen.law.sampled import MeansSolver, SampledMeans
 
 FEW = 10
 """Nodes in contact below which a law shows the grid rather than the surface."""
@@ -87,16 +87,13 @@ class Law:
     limits: tuple[MapLimits, ...] = ()  # of each surface, if errors were asked for
 
 
-def by_solver(order: Order, stopping: Callable[[], bool] | None = None) -> Law:
+def by_solver(order: Order) -> Law:
     """Make a law with the solver. The preparation of files is printed on standard error.
 
     Parameters
     ----------
     order : Order
         The request, with the loads of one table or of both.
-    stopping : callable, optional
-        Function that tells whether to stop before the means of a population have the errors that
-        the order asks for. Only such a law asks it.
 
     Returns
     -------
@@ -112,10 +109,6 @@ def by_solver(order: Order, stopping: Callable[[], bool] | None = None) -> Law:
     loads = order.loads()
     if not loads:
         raise InputError("give --delta or --pressure, the loads of the law")
-    if order.errors is not None and has_scene(order.inputs):
-        from gen.law.means import by_means  # here, because few laws need it
-
-        return by_means(order, loads, stopping)
     subjects = read_law_surfaces(order)
     bodies = bodies_of(order, subjects)
     order.refuse_impossible(bodies.hardness)

@@ -254,7 +254,7 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
     ------
     InputError
         If a surface cannot be read or is flat, or if a scene has another boundary than `only` or
-        comes with a second body in the order.
+        comes with a second body or with errors in the order.
     """
     boundary = only or order.boundary or USUAL_BOUNDARY
     opposites: list[Opposite | None] = [None]  # a flat second body
@@ -264,6 +264,10 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
     parts: list[InputSurfaces] = []
     for text in order.inputs:
         scene = scene_of(text)
+        if scene is not None and order.errors is not None:
+            raise InputError(
+                f"--error: {text} is a scene: its means are made by gen.law.by_means"
+            )
         if scene is None:
             parts.append(_read_files(text, order, boundary, opposites))
         else:

@@ -9,7 +9,7 @@ import pytest
 from strict import json_of
 
 from gen import cli
-from gen.law import Order, by_solver
+from gen.law import Order, by_means, by_solver
 from gen.law.multilevel import PILOT
 from gen.law.surfaces import surfaces_of_scene
 from gen.runtime.errors import InputError
@@ -70,7 +70,7 @@ def make(folder):
         settings = {"pressure": "0.01", "boundary": "periodic", "both_tables": False}
         scene = str(folder / "scene.toml")
         settings |= order
-        return by_solver(
+        return by_means(
             Order(inputs=(scene,), errors={"area": error}, **settings), stopping
         )
 
@@ -230,7 +230,7 @@ def test_errors_of_means_hold_in_95_of_100_populations(folder):
     for seed in range(100):
         path = folder / f"seed{seed}.toml"
         path.write_text(f"seed = {seed}\n{SCENE}")
-        law = by_solver(
+        law = by_means(
             Order(
                 inputs=(str(path),),
                 pressure="0.01",
