@@ -200,7 +200,9 @@ def cells(table: Curves, place: int, errors: Errors, surfaces: int) -> Row:
         `gen.maps.accuracy`. Of several surfaces they are the coarsest grid and the largest errors,
         and each surface has columns of its own. All are "" at first touch.
     """
-    budgets = table.budgets[place]
+    budgets: tuple[Budget, ...] = ()
+    if table.budgets:  # a table of first touch alone has none
+        budgets = table.budgets[place]
     row = _cells(budgets, errors)
     if surfaces > 1:
         for number in range(1, surfaces + 1):
