@@ -34,6 +34,9 @@ from gen.arrays import Values
 PILOT = 8
 """Surfaces on each grid before the numbers are chosen: their scatter tells how many are needed."""
 
+PILOT_OF_FINER = 5
+"""The same on a finer grid that is taken because it is needed, where surfaces cost more."""
+
 PARTS_OF_BIAS = (0.35, 0.5, math.sqrt(0.5))
 """Parts of an error that grid, dropped waves and solver may use up, of which the cheapest is taken
 [1]. The last one is half of the squared error (Giles 2008)."""
@@ -419,7 +422,7 @@ class Planner:
         if cost_of_finer is not None:
             # The bias is expected to fall in proportion to the spacing.
             left = _left_for_surfaces(means.bias / 2, largest)
-            cost = PILOT * cost_of_finer + _cheapest(levels, means, left).cost
+            cost = PILOT_OF_FINER * cost_of_finer + _cheapest(levels, means, left).cost
             if best is None or cost < best.cost:
                 return Refinement()
         if best is None:

@@ -29,6 +29,7 @@ from gen.doubts import Pressed, contact_doubts
 from gen.law.multilevel import (
     LARGEST_BIAS,
     PILOT,
+    PILOT_OF_FINER,
     Completion,
     Level,
     Means,
@@ -481,7 +482,7 @@ class PopulationSearch:
         """
         with RunProgress(PILOT, "surfaces") as progress:
             for _ in range(min(FIRST_LEVELS, len(self.grids))):
-                self._refine(progress)
+                self._refine(PILOT, progress)
             while not self.must_stop():
                 step = self.planner.next_step(
                     self.levels[self.coarsest :], self._cost_of_finer()
@@ -490,7 +491,7 @@ class PopulationSearch:
                     case Completion():
                         break
                     case Refinement():
-                        self._refine(progress)
+                        self._refine(PILOT_OF_FINER, progress)
                     case Sampling():
                         self.coarsest += step.coarsest
                         self._sample_more(step, progress)
@@ -512,13 +513,13 @@ class PopulationSearch:
         self.stopped = self.stopped or self.stopping()
         return self.stopped
 
-    def _refine(self, progress: RunProgress) -> None:
-        """Take the next finer grid, and solve the first surfaces on it."""
+    def _refine(self, surfaces: int, progress: RunProgress) -> None:
+        """Take the next finer grid, and solve some surfaces on it."""
         self.levels.append(Level(self.grids[len(self.levels)]))
         self.surfaces.append([])
         number = len(self.levels) - 1
-        progress.expect(self.next_surface + PILOT)
-        self._sample(number, PILOT, progress)
+        progress.expect(self.next_surface + surfaces)
+        self._sample(number, surfaces, progress)
 
     def _sample_more(self, step: Sampling, progress: RunProgress) -> None:
         """Solve more surfaces on all grids, as a step says, beginning with the coarsest."""
