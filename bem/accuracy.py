@@ -35,10 +35,13 @@ from bem.problem import Problem, checked, pose, under_load
 from bem.solving import solve_posed
 from bem.threads import on_threads
 
-# Factor from a bar of 90 % to one of 95 %, as for normal errors [1].
-TO_95_PERCENT = 1.2
+# Factor from a bar of 90 % to one of 95 % [1]. With it 96 to 97 % of the errors of each answer are
+# inside, on 510 contacts that had no part in the choice of the bars.
+TO_95_PERCENT = 1.25
 
-# Relative error of the area per share of the mean square slope that is dropped [1].
+# Relative error of the area per share of the mean square slope that is dropped [1]. From a share of
+# 3 % on, 95 % of the errors are below it. Smaller ones go with the root of the share; with the
+# error of the grid they stay within what is asked.
 OF_DROPPED = 1.0
 
 # Largest part of the error asked for that the waves dropped by a grid may use up; grids that drop

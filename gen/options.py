@@ -56,7 +56,11 @@ SurfaceFiles = Annotated[
 Table = Annotated[Path | None, _file("Also write the results as a CSV table.", "--csv")]
 Json = Annotated[Path | None, _file("Also write the results as JSON.", "--json")]
 Scene = Annotated[
-    str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")
+    str,
+    Argument(
+        metavar="SCENE",
+        help="A shipped scene, as quick, a TOML file, or a database, for its scene.",
+    ),
 ]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
 ExportFolder = Annotated[

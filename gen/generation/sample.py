@@ -9,6 +9,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 import numpy as np
 
 import bem
+from bem.coarsening import Coarsening, CoarserMap
 from gen.arrays import Columns, Heights, Values
 from gen.generation.outputs import outputs_for_row
 from gen.generation.plan import (
@@ -35,6 +36,19 @@ them in, whether or not the solver has converged."""
 
 HOST_BYTES = 64
 """Largest number of bytes of a machine's name in the column "host"; a longer name is cut."""
+
+UNSOLVED = (
+    ArithmeticError,
+    np.linalg.LinAlgError,
+    InputError,
+    bem.NoSolution,
+    bem.NotConverged,
+)
+"""Exceptions that say that a surface cannot be made, or that a contact is not solved.
+
+They include SourceError, which is an InputError. Where an error of the user's function has to end
+the run, an `except SourceError` comes before the one for these.
+"""
 
 SETTINGS = (
     "modulus",
@@ -242,7 +256,7 @@ def _reason_without_solution(scene: Scene) -> Reason:
 
 
 def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
-    """Make the surface of one row of a plan.
+    """Return the surface of one row of a plan, on the grid on which its contact is solved.
 
     If the scene has two rough bodies, the heights of both are added. The second body is generated
     as it faces the first one, so neither of them is turned over here.
@@ -268,17 +282,40 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     SourceError
         If a map is missing, or the user's generator fails. It is a kind of InputError.
     """
+    made = made_surface_of(scene, plan, row)
+    return on_grid_of_contacts(scene, made).heights
+
+
+def made_surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
+    """Make the surface of one row of a plan, on the grid on which the scene's surfaces are made.
+
+    Parameters
+    ----------
+    scene, plan, row
+        See `surface_of`.
+
+    Returns
+    -------
+    ndarray, shape of `Scene.made_grid`
+        Heights above the lowest node [um].
+
+    Raises
+    ------
+    InputError, SourceError
+        As `surface_of` raises them.
+    """
     number = int(plan.surface[row])  # index of the surface
     drawn = plan.parameters_of(row)
     table = scene.surface
+    grid = scene.made_grid
     try:
-        heights = table.heights(scene.grid, number, drawn, surface_random(scene, number))
+        heights = table.heights(grid, number, drawn, surface_random(scene, number))
         if table.against is None:
             return heights
         # The second surface may depend on the first one, whose generator it gets in its first
         # state.
         heights = heights + table.opposite_heights(
-            scene.grid,
+            grid,
             number,
             drawn,
             first=surface_random(scene, number),
@@ -291,6 +328,32 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
         ) from error
     heights -= heights.min()
     return heights
+
+
+def on_grid_of_contacts(scene: Scene, heights: Heights) -> CoarserMap:
+    """Return a surface on the grid on which the contacts of a scene are solved.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene. Its grid has fewer nodes than its surfaces if a trial has found fewer for the
+        accuracy of the scene.
+    heights : ndarray, shape of `Scene.made_grid`
+        Heights of the surface as it is made [um].
+
+    Returns
+    -------
+    CoarserMap
+        Heights above the lowest node, shape of `Scene.grid` [um], and the share of the mean square
+        slope that this grid lacks. If the grid is the same, the heights are the given ones.
+    """
+    shape = scene.grid.shape
+    if heights.shape == shape:
+        return CoarserMap(heights, 0.0)
+    spacing_x, spacing_y = scene.made_grid.spacing
+    made = Coarsening(heights, scene.contact.boundary, spacing_y / spacing_x)
+    fewer = made.on(shape)
+    return CoarserMap(fewer.heights - fewer.heights.min(), fewer.dropped)
 
 
 def surface_numbered(scene: Scene, number: int) -> Heights:

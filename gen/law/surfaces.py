@@ -521,6 +521,11 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
     suffix = Path(text).suffix.lower()
     if suffix == ".toml" or (not suffix and text in preset_names()):
         scene = load(text)
+        if scene.needs_trial:
+            raise InputError(
+                f"{text}: [accuracy] holds for the scene's own loads, and a run finds its nodes:"
+                " give the database of a run, or leave out [accuracy]"
+            )
         return scene.resolved() if ready else scene
     if suffix != ".h5":
         return None  # a surface or a folder
