@@ -294,6 +294,33 @@ class Material(NamedTuple):
     ] = None
 
 
+class Layer(NamedTuple):
+    """The options about a layer that is bonded to the first elastic body, or to a rigid one.
+
+    The fields have the order of the parameters of `gen.material.Layer.of`.
+    """
+
+    layer_thickness: Annotated[
+        float | None,
+        Option(
+            metavar="UM",
+            help="Thickness of a layer on the body of --young; needs a boundary without edges.",
+        ),
+    ] = None
+    layer_young: Annotated[
+        float | None, Option(metavar="MPA", help="Young's modulus of the layer.")
+    ] = None
+    layer_poisson: Annotated[
+        float | None, Option(metavar="NU", help="Poisson's ratio of the layer [0].")
+    ] = None
+    layer_base: Annotated[
+        Literal["elastic", "rigid"],
+        Option(
+            help="elastic: the layer lies on the body of --young; rigid: on a rigid one."
+        ),
+    ] = "elastic"
+
+
 class Shear(NamedTuple):
     """The options about shear of two bodies of like elastic constants."""
 

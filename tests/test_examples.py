@@ -357,6 +357,10 @@ CLAIMS = {
     "spots": lambda it: it["heavy"].spots.gap_connects == (False, False),
     "spectrum": lambda it: it["hurst"] == pytest.approx(0.8, abs=0.01),
     "theory": lambda it: it["PERSSON"] < it["kappa"] < it["BUSH_GIBSON_THOMAS"],
+    "layers": lambda it: (
+        np.ravel([*it["largest"].values()])
+        == pytest.approx([72.3, 84.0, 21.1, 42.5], abs=0.1)
+    ),
     "refinement": lambda it: (np.diff(it["elastic_area"]) < 0).all(),
 }
 """What each example finds, by its names."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.material import LAYER_COLUMNS
 from gen.quantities import QUANTITIES
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import echo, print_columns
@@ -209,6 +210,8 @@ def _print_plan_of_loads(scene: Scene) -> None:
         if high != low:
             hardness += f" to {high:.4g}"
         echo(f"  hardness  {hardness} MPa")
+    if scene.contact.layer is not None:
+        echo(f"  layer     {scene.contact.layer_text}")
 
 
 def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
@@ -413,6 +416,7 @@ def _print_law(fit: SelfAffineFit) -> None:
 COLUMNS_OF_FILES = {
     *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
     "modulus_MPa",
+    *LAYER_COLUMNS,
     "boundary",
     "hardness_MPa",
     "residual",

@@ -12,7 +12,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
-from gen.material import Bodies, Friction, Gas, require_within, shear_shares
+from gen.material import Bodies, Friction, Gas, Layer, require_within, shear_shares
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
@@ -88,6 +88,7 @@ def contact(
     force: options.NormalForce = "",
     pressure: options.Pressure = "",
     material: options.Material,
+    layer: options.Layer,
     reading: Reading,
     facing: options.Against,
     boundary: options.Boundary = "free",
@@ -113,6 +114,9 @@ def contact(
     The contact area is printed twice: as a share of the nodes, and in the continuum, with the error
     of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
     contact, the flow of a fluid through the gap, the stiffness and the conductance.
+
+    With --layer-thickness the first elastic body has a layer; --young and --poisson are those of
+    what it lies on.
 
     With --friction two like bodies are sheared: their stiffness before slip along x and y, and with
     --shear the shift, the area that sticks, and the energy that a cycle loses.
@@ -158,7 +162,9 @@ def contact(
         command=recorded_command_line(context, "gen"),
     )
     files.check(_input_files(surfaces, facing))
-    bodies = Bodies.of(*material)
+    bodies = _bodies(material, layer)
+    if bodies.layered is not None:
+        _refuse_with_layer(context)
     order = PressingOrder(
         reading=reading,
         boundary=boundary,
@@ -177,7 +183,7 @@ def contact(
         ),
         bodies=bodies,
         settings={
-            "modulus": bodies.e_star,
+            **_elastic_settings(bodies),
             "hardness": bodies.hardness,
             **settings,
         },
@@ -201,6 +207,52 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     if not values:
         return None
     return require_conductivities(values)
+
+
+def _bodies(material: options.Material, layer: options.Layer) -> Bodies:
+    """Return the bodies of the options; raise InputError if the options do not go together."""
+    bonded = Layer.of(*layer)
+    if bonded is None:
+        return Bodies.of(*material)
+    return Bodies.with_layer(bonded, *material)
+
+
+def _elastic_settings(bodies: Bodies) -> dict[str, Any]:
+    """Return the arguments of `bem.solve` about the elastic material of bodies."""
+    if bodies.layered is None:
+        return {"modulus": bodies.e_star}
+    return {"body": bodies.layered.body}
+
+
+NOT_WITH_LAYER = {
+    "kernel": ("uniform-pressure", "the other one is that of a half-space"),
+    "far_field": ("rigid", "the other one is that of a half-space"),
+    "conductivity": (
+        None,
+        "the conductance follows from the stiffness on half-spaces only",
+    ),
+    "error": ("", "answers within an error are those of half-spaces"),
+    "friction": (None, "partial slip follows from normal contacts on half-spaces only"),
+}
+"""Options that a layer refuses, by their parameters: the value that is allowed, and the reason."""
+
+
+def _refuse_with_layer(context: typer.Context) -> None:
+    """Refuse the options of `gen contact` that do not go with a layer."""
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if name not in NOT_WITH_LAYER:
+            continue
+        allowed, reason = NOT_WITH_LAYER[name]
+        if (context.params[name] or allowed) != allowed:
+            raise InputError(
+                f"{parameter.opts[0]}: leave it out with --layer-thickness: {reason}"
+            )
+    if context.params["boundary"] == "free":
+        raise InputError(
+            "--layer-thickness: give --boundary periodic or mirror; of a free patch the influence"
+            " of one cell of a layer on all others is not computed"
+        )
 
 
 def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:

@@ -230,7 +230,6 @@ class _Trial:
 
     def __init__(self, scene: Scene, limit: float | None, *, watched: bool) -> None:
         assert scene.accuracy is not None  # the caller has checked it
-        self.accuracy = scene.accuracy
         self.asked = scene.accuracy.asked
         tolerance = _rounded(tolerance_for(self.asked))
         contact = scene.contact.model_copy(update={"rtol": tolerance})
@@ -375,7 +374,7 @@ class _Trial:
         nx, ny = self.scene.made_grid.shape
         place = f"on {nx} x {ny} nodes, the finest grid"
         if not self.judged or not self.judged[-1].contacts:
-            return f"accuracy: {asked}: no contact of its trial {place} has a solution"
+            return f"accuracy: {asked}: {place}, no contact of its trial has a solution"
         nearest = self.judged[-1].beyond[0]
         advice = "more nodes in the shortest wave"
         if self.scene.surface.ON_ANY_GRID:

@@ -8,7 +8,7 @@ surrogates scale it.
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -60,6 +60,7 @@ class SampleProblem:
     heights: Heights  # heights of its surface [um], shape (nx, ny)
     load: float  # load in the scene's quantity, which need not be the planned one
     hardness: float | None  # hardness of the softer body [MPa]; None for elastic bodies
+    layer: Mapping[str, float]  # drawn numbers of the layer, from `Plan.layer_of`
 
     def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
@@ -85,10 +86,13 @@ class SampleProblem:
         bem.NotConverged
             If the solver needs more iterations than the scene allows.
         """
-        settings = settings_of(self.scene, self.hardness)
+        settings = settings_of(self.scene, self.hardness, self.layer)
         if settings["hardness"] is not None:
             settings["hardness"] *= _doubling(PRESSURE.powers, doubled)
-        settings["modulus"] *= 2.0**doubled.modulus
+        if "body" in settings:
+            settings["body"] = _enlarged(settings["body"], doubled)
+        else:
+            settings["modulus"] *= 2.0**doubled.modulus
         stretch = 2.0**doubled.lengths  # factor of all lengths along the surface
         settings["spacing"] = tuple(stretch * step for step in settings["spacing"])
         load = absolute_load(self.scene, self.heights, self.load)
@@ -96,6 +100,20 @@ class SampleProblem:
         side_x, side_y = self.scene.grid.sides  # [um]
         sides = (stretch * side_x, stretch * side_y)
         return bem.solve(self.heights * 2.0**doubled.heights, sides, **settings)
+
+
+def _enlarged(body: bem.Layered, doubled: Powers) -> bem.Layered:
+    """Return a layered body with lengths or all moduli at twice their size."""
+    stiffer = 2.0**doubled.modulus
+    base = body.base
+    if isinstance(base, bem.HalfSpace):
+        base = replace(base, modulus=stiffer * base.modulus)
+    return replace(
+        body,
+        thickness=2.0**doubled.lengths * body.thickness,
+        modulus=stiffer * body.modulus,
+        base=base,
+    )
 
 
 def _doubling(powers: Powers | None, doubled: Powers) -> float:
@@ -338,6 +356,7 @@ def first_problem(scene: Scene) -> SampleProblem | None:
                 heights=surface_of(scene, plan, row),
                 load=float(plan.load[row]),
                 hardness=plan.hardness_of(row),
+                layer=plan.layer_of(row),
             )
             problem.solve()  # to see whether there is a solution
         except SourceError:

@@ -3,6 +3,7 @@
 import itertools
 import socket
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
@@ -194,7 +195,8 @@ class _Samples:
         """
         scene = self.scene
         try:
-            settings = settings_of(scene, self.plan.hardness_of(row))
+            hardness = self.plan.hardness_of(row)
+            settings = settings_of(scene, hardness, self.plan.layer_of(row))
             load = absolute_load(scene, heights, float(self.plan.load[row]))
             settings[load.kind] = load.value
             contact = bem.solve(heights, scene.grid.sides, **settings)
@@ -391,6 +393,7 @@ def solve_contact(
     *,
     pressure: float | None = None,
     force: float | None = None,
+    layer: Mapping[str, float] | None = None,
 ) -> bem.Contact:
     """Solve the contact of a surface at one load, with the scene's settings.
 
@@ -406,6 +409,9 @@ def solve_contact(
     hardness : float, optional
         Hardness of the softer body [MPa]. By default it is that of the scene, or the bodies are
         elastic if the scene has none. It is required if the scene draws a hardness for each sample.
+    layer : mapping of str to float, optional
+        Drawn numbers of the layer, as `Plan.layer_of` returns them. They are required if the scene
+        draws them for each sample.
 
     Returns
     -------
@@ -419,15 +425,17 @@ def solve_contact(
     bem.NotConverged
         If the solver needs more iterations than the scene allows.
     ValueError
-        If a required hardness is missing, or not exactly one load is given.
+        If a required hardness or layer is missing, or not exactly one load is given.
     """
-    settings = settings_of(scene, hardness)
+    settings = settings_of(scene, hardness, layer)
     return bem.solve(
         heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings
     )
 
 
-def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
+def settings_of(
+    scene: Scene, hardness: float | None, layer: Mapping[str, float] | None = None
+) -> dict[str, Any]:
     """Return all arguments of `bem.solve` but the heights, the sides and the load.
 
     Parameters
@@ -437,6 +445,8 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     hardness : float or None
         Hardness of the softer body [MPa]. If it is None, the hardness is that of the scene, or the
         bodies are elastic if the scene has none.
+    layer : mapping of str to float, optional
+        Drawn numbers of the layer by the names of their columns; none by default.
 
     Returns
     -------
@@ -446,7 +456,7 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If `hardness` is None, but the scene draws a hardness for each sample.
+        If `hardness` or `layer` is None, but the scene draws them for each sample.
     """
     contact = scene.contact
     if hardness is None and contact.hardness_limits is not None:
@@ -456,6 +466,11 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
             )
         hardness = contact.hardness_limits[0]
     settings = {name: getattr(contact, name) for name in SETTINGS}
+    if contact.layer is not None:
+        if layer is None and contact.layer.drawn:
+            raise ValueError("every sample of this scene has a layer of its own: give it")
+        settings["body"] = contact.body(layer or {})
+        del settings["modulus"], settings["poisson"]
     settings["spacing"] = scene.grid.spacing
     settings["hardness"] = hardness
     settings["threads"] = 1  # more threads would compete with the other ranks of a run

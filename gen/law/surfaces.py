@@ -181,11 +181,15 @@ class LawSurfaces:
         Raises
         ------
         InputError
-            If all inputs are scenes, and have different moduli.
+            If all inputs are scenes, and have different moduli, or a layer.
         """
         scenes = self._scenes_alone()
         if not scenes:
             return None  # files do not give a modulus
+        if any(scene.contact.layer is not None for scene in scenes):
+            raise InputError(
+                "laws are those of half-spaces: leave out the scenes with [contact.layer]"
+            )
         moduli = {scene.contact.e_star for scene in scenes}
         if len(moduli) > 1:
             listed = " and ".join(f"{modulus:g}" for modulus in sorted(moduli))

@@ -26,6 +26,7 @@ from gen.runtime.terminal import printable
 from gen.scene.accuracy import Accuracy, completed_for_accuracy
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
+from gen.schema import LAYER_MODULUS
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
 
 INERT = {"samples", "title", "creator", "licence"}
@@ -112,6 +113,7 @@ class Scene(Table):
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'"
             )
+        self._require_one_modulus_for_relative_loads()
         self._require_surfaces_with_an_accuracy()
         if not self.surface.is_complete:
             # The grid is known when a run has found the files. Then the scene is checked again.
@@ -123,6 +125,16 @@ class Scene(Table):
         self._require_loads_that_yielding_bodies_carry()
         return self
 
+    def _require_one_modulus_for_relative_loads(self) -> None:
+        """Refuse loads over E* if every sample has an E* of its own."""
+        layer = self.contact.layer
+        is_relative = self.quantity == "pressure/(E* slope_rms)"
+        if layer is not None and is_relative and LAYER_MODULUS in layer.drawn:
+            raise conflict(
+                f"load.quantity = '{self.quantity}' needs one E*, and contact.layer.modulus is"
+                " drawn: give 'pressure'"
+            )
+
     def _require_surfaces_with_an_accuracy(self) -> None:
         """Refuse a table `[accuracy]` for surfaces and contacts that depend on their grid."""
         if self.accuracy is None:
@@ -130,6 +142,8 @@ class Scene(Table):
         fault = self.surface.fault_of_accuracy()
         if fault:
             raise conflict(f"accuracy: {fault}")
+        if self.contact.layer is not None:
+            raise conflict("accuracy is that of half-spaces: leave out contact.layer")
         for key, needed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
             value = getattr(self.contact, key)
             if value != needed:

@@ -403,3 +403,18 @@ def test_partial_slip_on_layers_is_refused():
     contact = solve(Layered(1.0, 1.0, 0.3, BASE), pressure=0.1)
     with pytest.raises(ValueError, match="half-spaces only"):
         partial_slip(contact, 0.3, [0.1 * contact.force], poisson=0.3)
+
+
+@pytest.mark.long
+def test_hard_layers_take_a_bounded_number_of_convolutions():
+    body = Layered(2.0, 100.0, 0.3, HalfSpace(1.0, 0.3))
+    convolutions = []
+    for seed in range(16):
+        heights = rough(128, seed)
+        slope = float(np.diff(heights, axis=0).std())
+        share = 10 ** np.random.default_rng(seed).uniform(-0.3, 1.5)
+        contact = bem.solve(
+            heights, 128.0, pressure=share * slope, body=body, boundary="periodic"
+        )
+        convolutions.append(contact.convolutions)
+    assert np.median(convolutions) <= 150

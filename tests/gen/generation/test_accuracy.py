@@ -109,6 +109,7 @@ def test_the_grid_is_that_of_the_scene_without_its_seed_and_samples():
     assert found_grid(SCENE, seed=8, samples=1) == found_grid(SCENE)
 
 
+@pytest.mark.long
 def test_a_smaller_error_needs_more_nodes():
     assert found_grid(SCENE.replace("0.05\n", "0.01\n")) > (48, 48)
 
@@ -123,7 +124,7 @@ def test_nodes_of_the_scene_are_the_finest_grid():
 
 @pytest.mark.parametrize("bodies", ["hardness_ratio = [0.05, 0.5]\n", ""])
 @pytest.mark.parametrize("boundary", ["mirror", "free"])
-@pytest.mark.few(1)
+@pytest.mark.long
 def test_all_bodies_and_boundaries_have_a_grid(boundary, bodies):
     text = WAVES.replace("rms_slope", 'against = "another"\nrms_slope') + (
         '[load]\nquantity = "delta/height_rms"\nrange = [1.0, 2.0]\n'
