@@ -105,7 +105,7 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     )
     search.run()
     means = search.means
-    worst = worst_errors(layout, means, asked)
+    worst = worst_errors(layout, means, asked, errors)
     sampled = SampledMeans(
         asked_errors=errors,
         tables={

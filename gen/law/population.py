@@ -10,7 +10,7 @@ never from times: the same command takes the same surfaces everywhere.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +44,7 @@ from gen.law.order import Load, Order
 from gen.law.surfaces import LawSurface, surfaces_of_scene
 from gen.maps.accuracy import parts_in_words, percent, quantity_of
 from gen.material import Bodies
-from gen.quantities import CONTINUUM, DELTA, FORCE, LOADS, MEAN_GAP, STIFFNESS, Quantity
+from gen.quantities import LOADS, STIFFNESS, Quantity
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 
@@ -69,17 +69,24 @@ OF_CONTACT = work((256, 256))
 """Cost of a contact on any grid besides its convolutions, in the unit of `bem.accuracy.work`: a
 contact on 17 nodes a side takes as long as one convolution on 256."""
 
-ANSWERS_IN_LAWS: dict[str, Quantity] = {
-    "area": CONTINUUM,
-    "mean_gap": MEAN_GAP,
-    "stiffness": STIFFNESS,
-    "delta": DELTA,
-    "force": FORCE,
-}
-"""Quantities of laws by the names of the answers that have an error, `bem.accuracy.ANSWERS`."""
-
 Stopping = Callable[[], bool]
 """Function that tells whether to stop before the errors are met."""
+
+
+def quantity_in_law(name: str) -> Quantity:
+    """Return the quantity of laws that an error is about.
+
+    Parameters
+    ----------
+    name : str
+        Name of an answer in `bem.accuracy.ANSWERS`.
+
+    Returns
+    -------
+    Quantity
+        The quantity; for "stiffness" that of the interface.
+    """
+    return STIFFNESS if name == "stiffness" else quantity_of(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +157,7 @@ class Layout:
         Parameters
         ----------
         errors : mapping of str to float
-            Errors by the names of the answers in `ANSWERS_IN_LAWS` [1].
+            Errors by the names of the answers in `bem.accuracy.ANSWERS` [1].
         requested : tuple of str
             Kinds of the loads whose tables have these errors.
 
@@ -161,7 +168,7 @@ class Layout:
         """
         asked = np.full((len(self.quantities), self.columns), math.inf)
         for name, error in errors.items():
-            row = self.quantities.index(ANSWERS_IN_LAWS[name])
+            row = self.quantities.index(quantity_in_law(name))
             for load in requested:
                 asked[row, self.places(load)] = np.where(
                     self.loads[load] > 0, error, math.inf
@@ -559,7 +566,8 @@ class PopulationSearch:
     def _unreachable(self) -> str:
         """Say which errors are not reachable, what the best ones are, and what helps."""
         rows, columns = self.sampler.shape
-        worst = worst_errors(self.sampler.layout, self.means, self.planner.asked)
+        errors = self.sampler.order.errors or {}
+        worst = worst_errors(self.sampler.layout, self.means, self.planner.asked, errors)
         unmet = [
             error.text
             for error in worst
@@ -646,7 +654,9 @@ class WorstError:
         )
 
 
-def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError]:
+def worst_errors(
+    layout: Layout, means: Means, asked: Values, names: Iterable[str]
+) -> list[WorstError]:
     """Return the largest error of each answer that was asked for.
 
     Parameters
@@ -657,6 +667,8 @@ def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError
         Means and their errors.
     asked : ndarray, shape (m,)
         Largest relative errors, see `Layout.asked` [1].
+    names : iterable of str
+        Names of the answers that have errors.
 
     Returns
     -------
@@ -664,12 +676,12 @@ def worst_errors(layout: Layout, means: Means, asked: Values) -> list[WorstError
         One for each answer that has an error at a load.
     """
     places = layout.by_quantity(np.arange(asked.size))
-    names = {quantity: name for name, quantity in ANSWERS_IN_LAWS.items()}
     worst: list[WorstError] = []
-    for row, quantity in enumerate(layout.quantities):
+    for name in names:
+        row = layout.quantities.index(quantity_in_law(name))
         candidates = [
             WorstError(
-                name=names[quantity],
+                name=name,
                 load=_load_at(layout, column),
                 parts=MeanErrorParts.of(means, int(place), float(asked[place])),
             )

@@ -15,12 +15,12 @@ from gen.law.curves import Curves, Points
 from gen.law.multilevel import Level, Means, means_of
 from gen.law.order import Load, Order
 from gen.law.population import (
-    ANSWERS_IN_LAWS,
     Layout,
     MeanErrorParts,
     PopulationSearch,
     SampledGrid,
     Sampler,
+    quantity_in_law,
 )
 from gen.law.solver import BETWEEN, NOT_SOLVED, SolvedLoads, ends_below
 from gen.maps.accuracy import RELATIVE_ERROR
@@ -77,7 +77,7 @@ class MeansOfTable:
         """
         return {
             name: MeanErrorParts.of(
-                self.by_quantity[ANSWERS_IN_LAWS[name].in_laws], place, asked_error
+                self.by_quantity[quantity_in_law(name).in_laws], place, asked_error
             )
             for name, asked_error in asked.items()
         }
