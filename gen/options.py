@@ -304,7 +304,7 @@ class Layer(NamedTuple):
         float | None,
         Option(
             metavar="UM",
-            help="Thickness of a layer on the body of --young; needs a boundary without edges.",
+            help="Thickness of a layer that is bonded to the body of --young.",
         ),
     ] = None
     layer_young: Annotated[
@@ -597,18 +597,23 @@ class LawFormat:
 
     option: str  # option that names the file, for messages
     ending: str  # what `--output NAME` appends to NAME, such as ".csv"
-    has_sides: bool = False  # whether each of the `BAND_SIDES` has a file too
+    # What follows the stem of further files: the sides of the band, or the argument of a table.
+    further: tuple[str, ...] = ()
+    by_stem: bool = True  # whether `--output` writes it
 
 
 LAW_FORMATS = {
     "table": LawFormat("--csv", ".csv"),
     "json": LawFormat("--json", ".json"),
     "header": LawFormat("--header", ".h"),
-    "calculix": LawFormat("--calculix", "-calculix.inp", has_sides=True),
-    "abaqus": LawFormat("--abaqus", "-abaqus.inp", has_sides=True),
+    "calculix": LawFormat("--calculix", "-calculix.inp", further=BAND_SIDES),
+    "abaqus": LawFormat("--abaqus", "-abaqus.inp", further=BAND_SIDES),
     "for_4c": LawFormat("--4c", "_4c.py"),
+    "moose": LawFormat("--moose", "-moose.csv", by_stem=False),
+    "ansys": LawFormat("--ansys", "-ansys.inp", by_stem=False),
+    "comsol": LawFormat("--comsol", "-comsol.txt", further=("closure",), by_stem=False),
 }
-"""Formats by the field of `LawOutputs` that names the file; `--output` writes all of them."""
+"""Formats by the field of `LawOutputs` that names the file."""
 
 
 class LawOutputs(NamedTuple):
@@ -629,11 +634,16 @@ class LawOutputs(NamedTuple):
     for_4c: Annotated[
         Path | None, _file("Write 4C's Python file of a contact law.", "--4c")
     ] = None
+    moose: Annotated[Path | None, _file("Write MOOSE's table of functions.")] = None
+    ansys: Annotated[Path | None, _file("Write Ansys' tables in APDL.")] = None
+    comsol: Annotated[Path | None, _file("Write COMSOL's interpolation functions.")] = (
+        None
+    )
     picture: Annotated[Path | None, _file("Draw the law with its band.", "--plot")] = None
     units: Annotated[
         Units,
         Option(
-            help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."
+            help="Units of files for programs: mm (mm, N, s, MPa), si or um (with MPa)."
         ),
     ] = "mm"
     check: Annotated[
@@ -682,7 +692,7 @@ class LawOutputs(NamedTuple):
         Returns
         -------
         LawOutputs
-            A copy. If `stem` is given, every format of `LAW_FORMATS` that had no path has one.
+            A copy. If `stem` is given, every format that `--output` writes has a path.
 
         Raises
         ------
@@ -700,7 +710,7 @@ class LawOutputs(NamedTuple):
 
 
 def _named(files: LawOutputs, stem: Path) -> LawOutputs:
-    """Return a copy of files of a law in which every format of `LAW_FORMATS` has a path.
+    """Return a copy of files of a law in which every format that `--output` writes has a path.
 
     Paths that the user gave stay. The others are `stem`, the value of --output, with the ending of
     the format. Raises InputError if `stem` has no name.
@@ -711,7 +721,8 @@ def _named(files: LawOutputs, stem: Path) -> LawOutputs:
         )
     paths: dict[str, Any] = {}
     for field, law_format in LAW_FORMATS.items():
-        if getattr(files, field) is not None:  # the user has named this file
+        is_named = getattr(files, field) is not None  # by an option of its own
+        if is_named or not law_format.by_stem:
             continue
         beginning = stem.name
         # 4C imports its file as a module, and the name of a module has no point.
@@ -746,7 +757,6 @@ def _outputs(files: LawOutputs) -> Iterator[Output]:
         if path is None:
             continue
         yield Output(path, law_format.option)
-        if law_format.has_sides:
-            for side in BAND_SIDES:
-                file_of_side = path.parent / f"{path.stem}-{side}{path.suffix}"
-                yield Output(file_of_side, law_format.option)
+        for ending in law_format.further:
+            further_file = path.with_stem(f"{path.stem}-{ending}")
+            yield Output(further_file, law_format.option)

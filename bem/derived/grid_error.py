@@ -725,10 +725,8 @@ def area_within(contact: Contact, spacing: tuple[float, float] | None = None) ->
     return max(area, 0.0)
 
 
-def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) -> float:
+def slope_order(heights: Field, boundary: Boundary) -> float:
     """Return the order in the spacing of a surface's mean square slope.
-
-    It compares the slopes between nodes that are one, two and four spacings apart.
 
     Parameters
     ----------
@@ -736,9 +734,26 @@ def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) ->
         Heights of the surface [um].
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
-    lines : int, optional
-        Number of lines along each axis, about, on which slopes are measured; by default all of
-        them.
+
+    Returns
+    -------
+    float
+        Order, see `slope_order_of_lines` [1].
+    """
+    return slope_order_of_lines((heights, heights.T), boundary)
+
+
+def slope_order_of_lines(lines: tuple[Field, Field], boundary: Boundary) -> float:
+    """Return the order in the spacing of the mean square slope of lines of a surface.
+
+    It compares the slopes between nodes that are one, two and four spacings apart.
+
+    Parameters
+    ----------
+    lines : tuple of ndarray, shapes (nx, k) and (ny, m)
+        Lines along both axes, whose nodes follow each other along the arrays' first axis [um].
+    boundary : str
+        "free", "periodic" or "mirror", see `bem.solve`.
 
     Returns
     -------
@@ -747,15 +762,11 @@ def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) ->
         than `FEWEST` nodes along them [1].
     """
     orders = []
-    for all_lines in (heights, heights.T):
-        if len(all_lines) < FEWEST:
+    for lines_of_axis in lines:
+        if len(lines_of_axis) < FEWEST:
             continue
-        sampled = all_lines
-        if lines is not None:
-            every = max(1, all_lines.shape[1] // lines)
-            sampled = np.ascontiguousarray(all_lines[:, ::every])
         slopes = [
-            _mean_square_slope(sampled, distance, periodic=boundary == "periodic")
+            _mean_square_slope(lines_of_axis, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
         ]
         near = abs(slopes[0] - slopes[1])

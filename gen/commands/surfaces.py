@@ -248,11 +248,6 @@ def _refuse_with_layer(context: typer.Context) -> None:
             raise InputError(
                 f"{parameter.opts[0]}: leave it out with --layer-thickness: {reason}"
             )
-    if context.params["boundary"] == "free":
-        raise InputError(
-            "--layer-thickness: give --boundary periodic or mirror; of a free patch the influence"
-            " of one cell of a layer on all others is not computed"
-        )
 
 
 def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law import accuracy, cubics, finite_elements
+from gen.law import accuracy, cubics, finite_elements, programs
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
@@ -449,6 +449,9 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     ),
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
     "for_4c": cubics.write_for_4c,
+    "moose": programs.write_for_moose,
+    "ansys": programs.write_for_ansys,
+    "comsol": programs.write_for_comsol,
 }
 """Functions that write a file, by the field of `gen.options.LawOutputs` that has its path.
 
