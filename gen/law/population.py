@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bem import NotConverged
 from bem.accuracy import LOOSEST, OF_TOLERANCE, on_coarser_map, work
 from bem.budget import ErrorParts
-from bem.coarsening import LINES, Coarsening
+from bem.coarsening import Coarsening
 from bem.derived.grid_error import LEAST_ORDER, slope_order
 from bem.problem import NoSolution, Problem, under_load
 from bem.solving import solve_posed
@@ -335,7 +335,7 @@ class Sampler:
             values=answers.values,
             coarser_values=coarser_values,
             waves_dropped=first_touch.dropped,
-            slope_order=slope_order(on_grid.heights, problem.boundary, lines=LINES),
+            slope_order=slope_order(on_grid.heights, problem.boundary),
             cost=cost,
             coarser_cost=coarser_cost,
             convolutions=convolutions,
@@ -752,10 +752,7 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
         )
     problems = [sampler.posed(surface) for surface in surfaces]
     _refuse_loads(sampler, problems[0])
-    orders = [
-        slope_order(problem.heights, problem.boundary, lines=LINES)
-        for problem in problems
-    ]
+    orders = [slope_order(problem.heights, problem.boundary) for problem in problems]
     if float(np.median(orders)) < LEAST_ORDER:
         raise InputError(
             f"{sampler.text}: waves go on down to the grid, so that the area of contact has no"
