@@ -607,6 +607,11 @@ def work(nodes: tuple[int, ...]) -> float:
     ----------
     nodes : tuple of int
         Nodes along the axes.
+
+    Returns
+    -------
+    float
+        Work, in an arbitrary unit.
     """
     size = math.prod(nodes)
     return size * math.log2(max(size, 2))

@@ -559,7 +559,8 @@ def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) ->
     largest = f"It is off {reference}, by up to this, {in_words(deviations)}."
     together = ""
     if law.order.errors is not None:
-        together = all_in_all([law.over_pressure], law.order.errors, deviations)
+        tables = (law.over_pressure, law.between_pressures, law.checks)
+        together = all_in_all(tables, law.order.errors, deviations)
     return f"The table is straight between its points. {largest}{together}"
 
 

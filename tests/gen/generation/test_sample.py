@@ -319,10 +319,11 @@ def test_layers_that_are_refused(layer, material, message):
         layered(layer, material)
 
 
-def test_a_layer_on_a_free_patch_is_refused():
+def test_a_layer_under_mircos_forces_is_refused():
     text = LAYERED.format(layer="thickness = 1.0\nmodulus = 1.0", material="")
-    with pytest.raises(InputError, match="a layer needs boundary = 'periodic' or 'mir"):
-        Scene.parse(text.replace('"periodic"', '"free"'), "test")
+    forces = '"free"\nkernel = "concentrated-force"'
+    with pytest.raises(InputError, match="a layer needs kernel = 'uniform-pressure'"):
+        Scene.parse(text.replace('"periodic"', forces), "test")
 
 
 def test_a_relative_load_needs_one_modulus():
