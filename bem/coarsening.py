@@ -107,7 +107,7 @@ class Coarsening:
             if self.boundary == "free":
                 heights = _read_free(self.heights, nodes)
                 dropped = _dropped_from_free(
-                    self.heights, heights, self.lines, self.aspect
+                    self.heights.shape, heights, self.lines, self.aspect
                 )
             else:
                 heights, dropped = self._waves.cut(nodes)
@@ -382,7 +382,7 @@ def _interpolation(nodes: int, places: Values) -> Any:
 
 
 def _dropped_from_free(
-    heights: Field, fewer: Field, lines: tuple[Field, Field], aspect: float
+    shape: tuple[int, ...], fewer: Field, lines: tuple[Field, Field], aspect: float
 ) -> float:
     """Return the share of a free map's mean square slope that fewer nodes have not [1].
 
@@ -391,8 +391,8 @@ def _dropped_from_free(
 
     Parameters
     ----------
-    heights : ndarray, shape (nx, ny)
-        Heights of the map [um].
+    shape : tuple of int
+        Nodes (nx, ny) of the map.
     fewer : ndarray, shape (mx, my)
         Heights on fewer nodes [um].
     lines : tuple of ndarray, shapes (nx, k) and (ny, m)
@@ -400,8 +400,8 @@ def _dropped_from_free(
     aspect : float
         Second side of a cell over its first [1].
     """
-    along = _squared_slopes(lines[0], fewer, heights.shape[1])
-    across = _squared_slopes(lines[1], fewer.T, heights.shape[0])
+    along = _squared_slopes(lines[0], fewer, shape[1])
+    across = _squared_slopes(lines[1], fewer.T, shape[0])
     total = along.of_map + across.of_map / aspect**2
     lost = along.of_difference + across.of_difference / aspect**2
     return lost / total if total > 0 else 0.0
