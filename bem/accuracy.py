@@ -223,6 +223,11 @@ class Surface:
         self, heights: ArrayLike, side: float | tuple[float, float], **settings: Any
     ) -> None:
         _refuse_settings(settings)
+        for name in ("delta", "force", "pressure", "threads"):
+            if name in settings:
+                raise ValueError(
+                    f"{name} is given: a surface is prepared for all loads; give it to solve_within"
+                )
         # A datum, though 0, makes the cells of all grids cover the same patch (`coarser`).
         self._unloaded = replace(pose(heights, side, 0.0, **settings), datum=0.0)
         self._coarsening = Coarsening(
@@ -506,6 +511,8 @@ class _Search:
         The convolutions of both solves are counted.
         """
         contact = solve_posed(problem)
+        if contact.delta == 0:  # a flat surface
+            return contact
         gap = max(contact.mean_gap, 0.0)
         largest = OF_GAP * min(self.asked_errors.values()) * gap / abs(contact.delta)
         tolerance = max(largest, min(RTOL, problem.rtol))

@@ -283,6 +283,18 @@ def test_loads_on_one_prepared_surface_are_as_those_on_their_own():
         assert contact.budget == alone.budget
 
 
+def test_a_surface_is_prepared_without_a_load():
+    with pytest.raises(ValueError, match="pressure is given: a surface is prepared"):
+        bem.Surface(given(32, "free"), 1.0, pressure=1.0)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+def test_a_flat_map_without_edges_touches_everywhere(boundary):
+    heights = np.zeros((96, 96))
+    contact = bem.solve_within(heights, 1.0, 0.03, pressure=0.01, boundary=boundary)
+    assert contact.continuum_area_percent == 100
+
+
 def test_loads_on_one_prepared_surface_transform_its_map_once(monkeypatch):
     surface = bem.Surface(given(96, "periodic"), 1.0, boundary="periodic")
     surface.solve_within(0.05, pressure=0.01)

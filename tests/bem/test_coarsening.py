@@ -82,6 +82,15 @@ def test_the_lost_slope_of_a_wave_follows_from_its_nodes(nodes_in_wave, axis):
     assert lost == pytest.approx(np.sin(np.pi / nodes_in_wave) ** 2, rel=0.25)
 
 
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("unit", [1e-200, 1e200])
+def test_heights_whose_squares_are_out_of_range_are_cut_all_the_same(boundary, unit):
+    heights = np.random.default_rng(2).normal(size=(24, 20))
+    fewer = Coarsening(unit * heights, boundary, 1.0).on((12, 10))
+    expected = Coarsening(heights, boundary, 1.0).on((12, 10))
+    assert fewer.heights / unit == pytest.approx(expected.heights)
+
+
 def test_flat_maps_lose_next_to_nothing():
     coarsening = Coarsening(np.zeros((64, 48)), "mirror", 1.0)
     assert coarsening.lost_slope((32, 24)) <= 1e-3
