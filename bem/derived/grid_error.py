@@ -67,7 +67,9 @@ class Weights:
     summit: float
 
 
-# Weights of the bars, by the kind of surface and by the answer.
+# Weights of the bars, by the kind of surface and by the answer. They are chosen on 3,300 contacts
+# of waves, spheres, worn, lognormal and turned surfaces, so that 93 to 97 % of the errors of each
+# answer are inside. `python -m bench grid-error` tests them on other surfaces.
 WEIGHTS = {
     "edgeless": {
         "area": Weights(
