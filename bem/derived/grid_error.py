@@ -8,14 +8,14 @@ have no limit.
 Errors fall with the square of the spacing on smooth surfaces, and in proportion to it where the
 surface touches at creases, such as the ridges of a turned profile.
 
-For two reasons the difference may still be small by chance, and each of them adds a part to the
-bar. The first one is the place of the border within the cells: its part is proportional to the
-number of cells' edges at the border over the number of nodes in contact. The second one is the
-highest node, from which Delta counts: it is below the summit of the surface. On a smooth surface
-the parabolas through this node and its neighbours tell by how much. How much a higher summit
-changes the answers at a given Delta follows from the work W that the load has done: a force F that
-grows with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
-displacement.
+For two reasons the difference may still be small by chance, and each of them adds parts to the bar.
+The first one is the place of the border within the cells: its parts follow from the number of
+cells' edges at the border over the number of nodes in contact, and from what a single node is of
+them. The second one is the highest node, from which Delta counts: it is below the summit of the
+surface. On a smooth surface the quadric through this node and its neighbours tells by how much. How
+much a higher summit changes the answers at a given Delta follows from the work W that the load has
+done: a force F that grows with the power m of the approach d has W = F d / (m + 1), and W is known
+from pressure and displacement.
 
 All parts add in squares. Their weights are fitted, by the answer and by the kind of surface.
 """
@@ -67,7 +67,9 @@ class Weights:
     summit: float
 
 
-# Weights of the bars, by the kind of surface and by the answer.
+# Weights of the bars, by the kind of surface and by the answer. They are chosen on 3,300 contacts
+# of waves, spheres, worn, lognormal and turned surfaces, so that 93 to 97 % of the errors of each
+# answer are inside. `python -m bench grid-error` tests them on other surfaces.
 WEIGHTS = {
     "edgeless": {
         "area": Weights(
@@ -725,10 +727,8 @@ def area_within(contact: Contact, spacing: tuple[float, float] | None = None) ->
     return max(area, 0.0)
 
 
-def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) -> float:
+def slope_order(heights: Field, boundary: Boundary) -> float:
     """Return the order in the spacing of a surface's mean square slope.
-
-    It compares the slopes between nodes that are one, two and four spacings apart.
 
     Parameters
     ----------
@@ -736,9 +736,26 @@ def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) ->
         Heights of the surface [um].
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
-    lines : int, optional
-        Number of lines along each axis, about, on which slopes are measured; by default all of
-        them.
+
+    Returns
+    -------
+    float
+        Order, see `slope_order_of_lines` [1].
+    """
+    return slope_order_of_lines((heights, heights.T), boundary)
+
+
+def slope_order_of_lines(lines: tuple[Field, Field], boundary: Boundary) -> float:
+    """Return the order in the spacing of the mean square slope of lines of a surface.
+
+    It compares the slopes between nodes that are one, two and four spacings apart.
+
+    Parameters
+    ----------
+    lines : tuple of ndarray, shapes (nx, k) and (ny, m)
+        Lines along both axes, whose nodes follow each other along the arrays' first axis [um].
+    boundary : str
+        "free", "periodic" or "mirror", see `bem.solve`.
 
     Returns
     -------
@@ -747,15 +764,11 @@ def slope_order(heights: Field, boundary: Boundary, lines: int | None = None) ->
         than `FEWEST` nodes along them [1].
     """
     orders = []
-    for all_lines in (heights, heights.T):
-        if len(all_lines) < FEWEST:
+    for lines_of_axis in lines:
+        if len(lines_of_axis) < FEWEST:
             continue
-        sampled = all_lines
-        if lines is not None:
-            every = max(1, all_lines.shape[1] // lines)
-            sampled = np.ascontiguousarray(all_lines[:, ::every])
         slopes = [
-            _mean_square_slope(sampled, distance, periodic=boundary == "periodic")
+            _mean_square_slope(lines_of_axis, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
         ]
         near = abs(slopes[0] - slopes[1])

@@ -31,8 +31,8 @@ from bem.accuracy import (
     tolerance_for,
 )
 from bem.budget import ErrorParts
-from bem.coarsening import LINES
-from bem.derived.grid_error import LEAST_ORDER, slope_order
+from bem.coarsening import sampled_lines
+from bem.derived.grid_error import LEAST_ORDER, slope_order_of_lines
 from gen.generation.plan import Plan, parameters
 from gen.generation.sample import (
     UNSOLVED,
@@ -342,7 +342,8 @@ class _Trial:
         hardness = self.plan.hardness_of(row)
         if hardness is None:
             boundary = candidate.contact.boundary
-            if slope_order(surface.heights, boundary, lines=LINES) < LEAST_ORDER:
+            lines = sampled_lines(surface.heights)
+            if slope_order_of_lines(lines, boundary) < LEAST_ORDER:
                 return _JudgedContact({}, ENDLESS, row)
         settings = settings_of(candidate, hardness)
         absolute = absolute_load(candidate, surface.heights, load)

@@ -133,8 +133,11 @@ class Contact(Table):
 
     def _require_what_goes_with_a_layer(self, layer: Layer) -> None:
         """Refuse keys of `[contact]` that do not go with a layer."""
-        if self.boundary == "free":
-            raise conflict("a layer needs boundary = 'periodic' or 'mirror', not 'free'")
+        if (self.kernel, self.far_field) != ("uniform-pressure", "rigid"):
+            raise conflict(
+                "a layer needs kernel = 'uniform-pressure' and far_field = 'rigid', not"
+                f" '{self.kernel}' and '{self.far_field}'"
+            )
         if layer.base == "rigid" and (self.modulus != 1.0 or self.poisson != 0.0):
             raise conflict(
                 "layer.base = 'rigid' has no modulus: leave out contact.modulus and contact.poisson"

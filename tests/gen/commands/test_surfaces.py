@@ -101,7 +101,6 @@ ON_STEEL = (*LAYER, "--young", "2e5", "--boundary", "periodic")
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ((*LAYER, "--young", "2"), "give --boundary periodic or mirror"),
         ((*ON_STEEL, "--far-field", "compliant"), "--far-field: leave it out with"),
         ((*ON_STEEL, "--kernel", "concentrated-force"), "--kernel: leave it out"),
         ((*ON_STEEL, "--conductivity", "1"), "on half-spaces only"),
