@@ -8,7 +8,7 @@ description for Typer. A NamedTuple is a group of options, each a field, which
 import math
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -131,6 +131,13 @@ Error = Annotated[
         metavar="ERROR",
         help="Solve on the coarsest grid that gives the area to this error at 95 %, as 3%; other"
         " answers as area=1%,mean_gap=2%.",
+    ),
+]
+TimeLimit = Annotated[
+    float | None,
+    Option(
+        metavar="SECONDS",
+        help="With --error of a scene: stop after this time, and say what is left of each error.",
     ),
 ]
 Stiffness = Annotated[
@@ -398,7 +405,7 @@ class Accuracy(NamedTuple):
             return None
         from gen.maps.accuracy import errors_from
 
-        _refuse_with_error(context)
+        refuse(context, NOT_WITH_ERROR)
         return errors_from(self.error)
 
 
@@ -412,13 +419,33 @@ NOT_WITH_ERROR = {
 """Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
 
 
-def _refuse_with_error(context: typer.Context) -> None:
-    """Refuse the first option of a command that was given and does not go with --error."""
+NOT_WITH_MEANS = {
+    "surfaces": (None, "the number of surfaces follows from the error"),
+    "band": (None, "the band is the error of the means"),
+}
+"""Further options that --error refuses with a scene."""
+
+
+def refuse(context: typer.Context, refused: Mapping[str, tuple[object, str]]) -> None:
+    """Refuse the first option of a command that was given and does not go with --error.
+
+    Parameters
+    ----------
+    context : typer.Context
+        The command with the values of all of its options.
+    refused : mapping
+        Refused options by their parameters: the value that is allowed, and the reason.
+
+    Raises
+    ------
+    InputError
+        If one of them was given with another value.
+    """
     for parameter in context.command.params:
         name = str(parameter.name)
-        if name not in NOT_WITH_ERROR:
+        if name not in refused:
             continue
-        allowed, reason = NOT_WITH_ERROR[name]
+        allowed, reason = refused[name]
         source = context.get_parameter_source(name)
         is_given = source is not None and source.name == "COMMANDLINE"
         value = context.params[name]

@@ -267,23 +267,6 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     assert "sizes [2, 1]" in capsys.readouterr().err
 
 
-@pytest.mark.long
-def test_multilevel_finds_the_mean_of_the_finest_grid():
-    main = example("multilevel")
-    mean, error, _ = main(
-        ["quick", "--nodes", "17,33", "--output", "force", "--error", "400"]
-    )
-    function, timed = (
-        asperity.SceneFunction("quick", ["force"]),
-        main.__globals__["timed"],
-    )
-    plain, _ = timed(function, load("quick"), 5000, 5300, 33)
-    assert mean == pytest.approx(
-        plain.mean(), abs=3 * np.hypot(error, plain.std() / 300**0.5)
-    )
-    assert error == pytest.approx(400, rel=0.3)
-
-
 PRESSED = """samples = 100
 [surface]
 generator = "spectral"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +19,7 @@ from gen.runtime.figure import figure_for
 from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:  # each command imports no more than it needs
-    from gen.law import Order
+    from gen.law import Law, Order
 
 
 @grouped
@@ -323,6 +325,7 @@ def law(
     surfaces: options.Population = 50,
     band: options.Band = 0.9,
     accuracy: options.Accuracy,
+    time_limit: options.TimeLimit = None,
     flow: options.Flow = False,
     also: options.Also = None,
     output: options.LawFiles = None,
@@ -330,7 +333,7 @@ def law(
     files: options.LawOutputs,
     reading: Reading,
     facing: options.Against,
-) -> None:
+) -> int:
     """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
 
     The solver presses one surface, or each surface of a population. The tables of a population hold
@@ -342,10 +345,13 @@ def law(
     With --error each load of each surface is solved on fewer nodes, as many as the error needs, and
     the files say which errors were asked for and are met.
 
+    With --error and a scene the means over its population have these errors. The number of surfaces
+    on each of several grids follows from the error.
+
     With --friction two like bodies are sheared: stiffness before slip and elastic slip along x and
     y, and the shift and the loss of a cycle at 20, 40, 60 and 80 % of the sliding force.
     """
-    from gen.law import Order, by_solver
+    from gen.law import Order
     from gen.law.files import show, write_files
     from gen.law.order import require_also
     from gen.law.surfaces import files_read
@@ -380,12 +386,46 @@ def law(
         between=files.refined_tables,
         straight=files.straight_lines,
         command=recorded_command_line(context, "gen"),
+        both_tables=any((files.table, files.json, files.header)),
     )
     _refuse_stick_pressure(order)
-    contact_law = by_solver(order)
+    contact_law, signal = _made(order, context, time_limit)
     show(contact_law)
+    if signal:
+        echo("interrupted: no file is written", err=True)
+        return 128 + signal
     for path in write_files(contact_law, files, figure):
         echo(f"wrote {path}")
+    return 0
+
+
+def _made(
+    order: Order, context: typer.Context, time_limit: float | None
+) -> tuple[Law, int]:
+    """Make a law; return it, and the signal that has stopped the means of a population, or 0.
+
+    `time_limit` is the value of --time-limit [s]. Raises InputError for options that do not go with
+    the error of means.
+    """
+    from gen.law import by_means, by_solver
+    from gen.law.surfaces import has_scene
+    from gen.runtime.farm import Interruption
+
+    if order.errors is None or not has_scene(order.inputs):
+        if time_limit is not None:
+            raise InputError(
+                "--time-limit: needs --error and a scene, whose means it stops"
+            )
+        return by_solver(order), 0
+    options.refuse(context, options.NOT_WITH_MEANS)
+    if time_limit is not None and not 0 < time_limit < math.inf:
+        raise InputError(f"--time-limit {time_limit:g}: give a number of seconds above 0")
+    end = time.monotonic() + (time_limit or math.inf)
+    with Interruption(listening=True) as interruption:
+        contact_law = by_means(
+            order, lambda: interruption.requested() or time.monotonic() > end
+        )
+        return contact_law, interruption.signal
 
 
 @grouped

@@ -146,7 +146,7 @@ def test_a_load_that_cannot_be_reached_is_left_out_with_the_reason(capsys):
         (["--error", "3%", "--no-grid-error"], "--no-grid-error: leave it out"),
         (
             ["quick", "--error", "3%"],
-            "--error: quick is a scene: give surfaces from files",
+            "--error: 2 inputs with a scene among them: give one scene",
         ),
     ],
 )
