@@ -107,10 +107,14 @@ class Coarsening:
             if self.boundary == "free":
                 heights = _read_free(self.heights, nodes)
                 dropped = _dropped_from_free(
-                    self.heights, heights, self.lines, self.aspect
+                    self.heights.shape,
+                    heights / self._unit,
+                    self._reduced_lines,
+                    self.aspect,
                 )
             else:
                 heights, dropped = self._waves.cut(nodes)
+                heights *= self._unit
                 heights += self._mean
             heights.setflags(write=False)
             self._map_by_nodes[nodes] = CoarserMap(heights, dropped)
@@ -148,11 +152,23 @@ class Coarsening:
     @computed_once
     def _slopes(self) -> tuple[_SlopesOverDistances, _SlopesOverDistances]:
         """Mean square slopes along both axes, in a common unit."""
-        along, across = self.lines
+        along, across = self._reduced_lines
         return (
             _SlopesOverDistances.of(along, 1.0),
             _SlopesOverDistances.of(across, self.aspect),
         )
+
+    @computed_once
+    def _unit(self) -> float:
+        """Power of two near the range of the lines: squares of heights in it stay in range [um]."""
+        largest = max(float(np.ptp(lines)) for lines in self.lines)
+        return math.ldexp(1.0, math.frexp(largest)[1])
+
+    @computed_once
+    def _reduced_lines(self) -> tuple[Field, Field]:
+        """The lines in units of their range."""
+        along, across = self.lines
+        return along / self._unit, across / self._unit
 
     @computed_once
     def _mean(self) -> float:
@@ -161,8 +177,9 @@ class Coarsening:
 
     @computed_once
     def _waves(self) -> _Waves:
-        """The waves of a patch without edges, by one transform."""
+        """The waves of a patch without edges in units of `_unit`, by one transform."""
         heights = self.heights - self._mean
+        heights /= self._unit
         return _Waves.of(heights, self.aspect, is_periodic=self.boundary == "periodic")
 
 
@@ -210,8 +227,8 @@ class _Waves:
     ----------
     amplitudes : ndarray, shape (nx, ky)
         Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one. The
-        shortest waves along the second axis are left out if all surfaces would be the same without
-        them, see `NEGLIGIBLE` [um].
+        shortest waves along the second axis are left out where they have next to no slope, see
+        `NEGLIGIBLE` [unit of heights].
     along, across : ndarray of int, shape (nx,) and (ky,)
         Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
         periodic patch run the other way.
@@ -263,13 +280,11 @@ class _Waves:
         times_across = np.where(stands_for_one, 1.0, 2.0)
         steepness_along = (along / rows) ** 2
         steepness_across = (across / columns / aspect) ** 2
-        # Of waves of a given number across, the steepest ones and the least steep ones.
         of_number = times_across * squares / rows
-        steepest = of_number * (steepness_across + steepness_along.max())
-        least = steepness_across.copy()
-        least[0] = 1 / rows**2
-        left_out = np.append(np.cumsum(steepest[::-1])[::-1], 0.0)
-        kept = int(np.argmax(left_out <= NEGLIGIBLE * float(of_number @ least)))
+        left_out = _steepest_from(of_number, steepness_across, steepness_along.max())
+        # Among waves of a number across, those of the longest wave along are the least steep ones.
+        least = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
+        kept = int(np.argmax(left_out <= NEGLIGIBLE * least))
         if is_periodic:
             amplitudes = fft.fft(of_rows[:, :kept], axis=0, norm="forward")
         else:
@@ -297,7 +312,7 @@ class _Waves:
         Returns
         -------
         heights : ndarray, shape (mx, my)
-            Heights on the coarser grid, of zero mean [um].
+            Heights on the coarser grid, of zero mean [unit of heights].
         dropped : float
             Share of the mean square slope of the waves that are cut [1].
         """
@@ -330,7 +345,7 @@ class _Waves:
     def _slope_of(self, amplitudes: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
         """Return the mean square slope of waves in the unit of `steepness_along`.
 
-        `amplitudes` are those of the given rows and columns of all amplitudes [um].
+        `amplitudes` are those of the given rows and columns of all amplitudes.
         """
         squares = amplitudes.real**2
         if self.is_periodic:  # amplitudes are complex
@@ -342,6 +357,24 @@ class _Waves:
         part_along = (times_along * self.steepness_along[rows]) @ sums[:, 0]
         part_across = times_along @ sums[:, 1]
         return float(part_along + part_across)
+
+
+def _steepest_from(
+    squares: Values, steepness_across: Values, steepest_along: float
+) -> Values:
+    """Return the largest mean square slopes that waves from each number across on may have, (k,).
+
+    Parameters
+    ----------
+    squares : ndarray, shape (k - 1,)
+        Mean squares of the waves of each number across.
+    steepness_across : ndarray, shape (k - 1,)
+        Mean square slope across of a wave of a unit amplitude.
+    steepest_along : float
+        Mean square slope along of the shortest wave of a unit amplitude.
+    """
+    steepest = squares * (steepness_across + steepest_along)
+    return np.append(np.cumsum(steepest[::-1])[::-1], 0.0)
 
 
 def _read_free(heights: Field, nodes: tuple[int, int]) -> Field:
@@ -382,7 +415,7 @@ def _interpolation(nodes: int, places: Values) -> Any:
 
 
 def _dropped_from_free(
-    heights: Field, fewer: Field, lines: tuple[Field, Field], aspect: float
+    shape: tuple[int, ...], fewer: Field, lines: tuple[Field, Field], aspect: float
 ) -> float:
     """Return the share of a free map's mean square slope that fewer nodes have not [1].
 
@@ -391,17 +424,17 @@ def _dropped_from_free(
 
     Parameters
     ----------
-    heights : ndarray, shape (nx, ny)
-        Heights of the map [um].
+    shape : tuple of int
+        Nodes (nx, ny) of the map.
     fewer : ndarray, shape (mx, my)
-        Heights on fewer nodes [um].
+        Heights on fewer nodes [unit of heights].
     lines : tuple of ndarray, shapes (nx, k) and (ny, m)
-        Lines of the map, see `sampled_lines` [um].
+        Lines of the map, see `sampled_lines` [unit of heights].
     aspect : float
         Second side of a cell over its first [1].
     """
-    along = _squared_slopes(lines[0], fewer, heights.shape[1])
-    across = _squared_slopes(lines[1], fewer.T, heights.shape[0])
+    along = _squared_slopes(lines[0], fewer, shape[1])
+    across = _squared_slopes(lines[1], fewer.T, shape[0])
     total = along.of_map + across.of_map / aspect**2
     lost = along.of_difference + across.of_difference / aspect**2
     return lost / total if total > 0 else 0.0
@@ -409,7 +442,7 @@ def _dropped_from_free(
 
 @dataclass(frozen=True)
 class _SquaredSlopes:
-    """Mean squares of the slopes of lines along an axis [um2 / spacing2].
+    """Mean squares of the slopes of lines along an axis [square of unit of heights over spacing].
 
     Attributes
     ----------
@@ -429,9 +462,9 @@ def _squared_slopes(lines: Field, fewer: Field, across: int) -> _SquaredSlopes:
     Parameters
     ----------
     lines : ndarray, shape (nx, k)
-        Lines of the map at regular distances, beginning with its border [um].
+        Lines of the map at regular distances, beginning with its border [unit of heights].
     fewer : ndarray, shape (mx, my)
-        Heights on fewer nodes [um].
+        Heights on fewer nodes [unit of heights].
     across : int
         Nodes ny of the map along its second axis.
     """

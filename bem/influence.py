@@ -242,12 +242,8 @@ def largest_wave_number(body: Body) -> float:
     Returns
     -------
     float
-        Wave number [1 / first side of a cell].
-
-    Raises
-    ------
-    ValueError
-        If it is larger than a table of coefficients can reach.
+        Wave number; inf if it is larger than a table of coefficients can reach
+        [1 / first side of a cell].
     """
     wave_number = SMALLEST_WAVE_NUMBER
     while wave_number <= LARGEST_WAVE_NUMBER:
@@ -255,10 +251,7 @@ def largest_wave_number(body: Body) -> float:
         if abs(float(relative[0]) - 1) < RESOLVED:
             return wave_number
         wave_number *= 2**0.25
-    raise ValueError(
-        "the body changes within a fifth of a cell below its surface, too thin a layer for boundary"
-        " = 'free': use boundary = 'periodic' or 'mirror'"
-    )
+    return math.inf
 
 
 def _zones_of_depth(

@@ -428,8 +428,12 @@ def _check_compliance(problem: Problem) -> None:
     """Refuse a body whose compliance is not a number above 0, from the patch to the cell."""
     if problem.body.is_homogeneous:
         return
-    if problem.boundary == "free":
-        largest_wave_number(problem.reduced_body)  # raises ValueError if there is none
+    is_free = problem.boundary == "free"
+    if is_free and math.isinf(largest_wave_number(problem.reduced_body)):
+        raise OutOfRange(
+            "the body changes within a fifth of a cell below its surface, too thin a layer for"
+            " boundary = 'free': use boundary = 'periodic' or 'mirror'"
+        )
     along, across = problem.spacing
     rows, columns = problem.heights.shape
     longest = 2 * max(rows * along, columns * across)

@@ -8,14 +8,14 @@ have no limit.
 Errors fall with the square of the spacing on smooth surfaces, and in proportion to it where the
 surface touches at creases, such as the ridges of a turned profile.
 
-For two reasons the difference may still be small by chance, and each of them adds a part to the
-bar. The first one is the place of the border within the cells: its part is proportional to the
-number of cells' edges at the border over the number of nodes in contact. The second one is the
-highest node, from which Delta counts: it is below the summit of the surface. On a smooth surface
-the parabolas through this node and its neighbours tell by how much. How much a higher summit
-changes the answers at a given Delta follows from the work W that the load has done: a force F that
-grows with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
-displacement.
+For two reasons the difference may still be small by chance, and each of them adds parts to the bar.
+The first one is the place of the border within the cells: its parts follow from the number of
+cells' edges at the border over the number of nodes in contact, and from what a single node is of
+them. The second one is the highest node, from which Delta counts: it is below the summit of the
+surface. On a smooth surface the quadric through this node and its neighbours tells by how much. How
+much a higher summit changes the answers at a given Delta follows from the work W that the load has
+done: a force F that grows with the power m of the approach d has W = F d / (m + 1), and W is known
+from pressure and displacement.
 
 All parts add in squares. Their weights are fitted, by the answer and by the kind of surface.
 """
@@ -67,7 +67,9 @@ class Weights:
     summit: float
 
 
-# Weights of the bars, by the kind of surface and by the answer.
+# Weights of the bars, by the kind of surface and by the answer. They are chosen on 3,300 contacts
+# of waves, spheres, worn, lognormal and turned surfaces, so that 93 to 97 % of the errors of each
+# answer are inside. `python -m bench grid-error` tests them on other surfaces.
 WEIGHTS = {
     "edgeless": {
         "area": Weights(

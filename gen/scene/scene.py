@@ -29,6 +29,9 @@ from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.schema import LAYER_MODULUS
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
 
+THINNEST = 0.2
+"""Least thickness of a layer on a free patch, over the spacing of the nodes [1]."""
+
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row of its database."""
 
@@ -123,7 +126,22 @@ class Scene(Table):
         if fault:
             raise conflict(f"surface: {fault}")
         self._require_loads_that_yielding_bodies_carry()
+        self._require_layers_that_free_patches_have()
         return self
+
+    def _require_layers_that_free_patches_have(self) -> None:
+        """Refuse layers that are too thin for the cells of a free patch."""
+        layer = self.contact.layer
+        if layer is None or self.contact.boundary != "free":
+            return
+        least = THINNEST * max(self.grid.spacing)
+        thinnest = limits(layer.thickness).smallest
+        if thinnest < least:
+            raise conflict(
+                f"contact.layer.thickness goes down to {thinnest:g} um: on a free patch a layer has"
+                f" {least:g} um at least, {THINNEST:g} of a cell; give contact.boundary ="
+                " 'periodic' or 'mirror'"
+            )
 
     def _require_one_modulus_for_relative_loads(self) -> None:
         """Refuse loads over E* if every sample has an E* of its own."""

@@ -1,6 +1,7 @@
 """Elastic bodies: compliances against elasticity, contacts on layers against closed forms."""
 
 import math
+import pickle
 from dataclasses import dataclass, replace
 
 import mpmath
@@ -487,3 +488,23 @@ def test_hard_layers_take_a_bounded_number_of_convolutions():
         )
         convolutions.append(contact.convolutions)
     assert np.median(convolutions) <= 150
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+@pytest.mark.parametrize(
+    "loads", [{"pressures": [0.05, 0.1, 0.2, 0.3]}, {"deltas": [1, 2, 3, 3.5]}]
+)
+def test_a_ladder_on_a_layer_gives_what_single_solves_give(loads, boundary):
+    ((quantity, values),) = loads.items()
+    settings = {
+        "body": Layered(4.0, 1.0, 0.3, "rigid"),
+        "boundary": boundary,
+        "rtol": 1e-9,
+    }
+    contacts = bem.ladder(HEIGHTS, 32.0, **loads, **settings)
+    for value, contact in zip(values, contacts, strict=True):
+        alone = bem.solve(HEIGHTS, 32.0, **{quantity[:-1]: value}, **settings)
+        np.testing.assert_allclose(contact.pressure, alone.pressure, atol=1e-6)
+        assert contact.delta == pytest.approx(alone.delta, rel=1e-7)
+        again = pickle.loads(pickle.dumps(contact.problem))
+        assert again.body == contact.problem.body
