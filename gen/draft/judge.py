@@ -266,7 +266,7 @@ def _outside(
 ) -> tuple[str, ...]:
     """Return the names of statistics of a map's windows beyond those of many surfaces.
 
-    The windows are of nodes x nodes, side by side, as the patches of a scene, and their mean counts.
+    The windows are of nodes x nodes, as the patches of a scene, and their mean counts.
     The range follows from the mean and the standard deviation of a few surfaces.
     """
     nx, ny = (min(nodes, side) for side in heights.shape)
