@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -101,7 +101,17 @@ class Inputs:
         -------
         Inputs
             The inputs, without parameters and hardnesses that have fixed values.
+
+        Raises
+        ------
+        InputError
+            If the scene draws its layers.
         """
+        if scene.contact.layer is not None and scene.contact.layer.drawn:
+            raise InputError(
+                "the scene draws its layers, which are no inputs of functions: give contact.layer"
+                " one thickness and one modulus"
+            )
         drawn = [
             name for name, value in scene.drawn_parameters.items() if is_drawn(value)
         ]
@@ -645,7 +655,7 @@ def _solved(surface: OneSurface, number: int) -> bem.Contact:
     hardness: float | None = None
     if surface.hardness is not None:
         hardness = float(surface.hardness[number])
-    load = {surface.kind: float(surface.loads[number])}
+    load: dict[str, Any] = {surface.kind: float(surface.loads[number])}
     return solve_contact(surface.scene, surface.heights, hardness=hardness, **load)
 
 

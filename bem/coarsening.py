@@ -25,6 +25,9 @@ NODES_BESIDE = 6
 # Most lines of a map, about, on which slopes are measured along each axis.
 LINES = 64
 
+# Largest share of the mean square slope of waves that are left out of a transform [1].
+NEGLIGIBLE = 1e-9
+
 # Least share of the mean square slope that twice the spacing of a grid loses [1]: smaller ones are
 # those of surfaces without waves.
 LEAST_LOST = 1e-4
@@ -44,6 +47,26 @@ class CoarserMap:
 
     heights: Field
     dropped: float
+
+
+def sampled_lines(heights: Field) -> tuple[Field, Field]:
+    """Return some lines of a map along both axes.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+
+    Returns
+    -------
+    along, across : ndarray, shapes (nx, k) and (ny, m)
+        Lines along the first and along the second axis, at most about `LINES`. Nodes of a line
+        follow each other along the first axis of both arrays [um].
+    """
+    rows, columns = heights.shape
+    along = heights[:, :: max(1, columns // LINES)]
+    across = heights[:: max(1, rows // LINES)]
+    return np.asfortranarray(along), across.T
 
 
 class Coarsening:
@@ -82,9 +105,16 @@ class Coarsening:
             return CoarserMap(self.heights, 0.0)
         if nodes not in self._map_by_nodes:
             if self.boundary == "free":
-                heights, dropped = _read_free(self.heights, nodes, self.aspect)
+                heights = _read_free(self.heights, nodes)
+                dropped = _dropped_from_free(
+                    self.heights.shape,
+                    heights / self._unit,
+                    self._reduced_lines,
+                    self.aspect,
+                )
             else:
                 heights, dropped = self._waves.cut(nodes)
+                heights *= self._unit
                 heights += self._mean
             heights.setflags(write=False)
             self._map_by_nodes[nodes] = CoarserMap(heights, dropped)
@@ -115,15 +145,30 @@ class Coarsening:
         return share
 
     @computed_once
+    def lines(self) -> tuple[Field, Field]:
+        """Some lines of the map along both axes, see `sampled_lines` [um]."""
+        return sampled_lines(self.heights)
+
+    @computed_once
     def _slopes(self) -> tuple[_SlopesOverDistances, _SlopesOverDistances]:
         """Mean square slopes along both axes, in a common unit."""
-        rows, columns = self.heights.shape
-        along = self.heights[:, :: max(1, columns // LINES)]
-        across = self.heights[:: max(1, rows // LINES)]
+        along, across = self._reduced_lines
         return (
-            _SlopesOverDistances.of(np.ascontiguousarray(along.T), 1.0),
+            _SlopesOverDistances.of(along, 1.0),
             _SlopesOverDistances.of(across, self.aspect),
         )
+
+    @computed_once
+    def _unit(self) -> float:
+        """Power of two near the range of the lines: squares of heights in it stay in range [um]."""
+        largest = max(float(np.ptp(lines)) for lines in self.lines)
+        return math.ldexp(1.0, math.frexp(largest)[1])
+
+    @computed_once
+    def _reduced_lines(self) -> tuple[Field, Field]:
+        """The lines in units of their range."""
+        along, across = self.lines
+        return along / self._unit, across / self._unit
 
     @computed_once
     def _mean(self) -> float:
@@ -132,11 +177,10 @@ class Coarsening:
 
     @computed_once
     def _waves(self) -> _Waves:
-        """The waves of a patch without edges, by one transform."""
+        """The waves of a patch without edges in units of `_unit`, by one transform."""
         heights = self.heights - self._mean
-        if self.boundary == "periodic":
-            return _Waves.periodic(heights, self.aspect)
-        return _Waves.mirrored(heights, self.aspect)
+        heights /= self._unit
+        return _Waves.of(heights, self.aspect, is_periodic=self.boundary == "periodic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +197,15 @@ class _SlopesOverDistances:
 
     @classmethod
     def of(cls, lines: Field, spacing: float) -> _SlopesOverDistances:
-        """Return the slopes along the second axis of lines of nodes at a spacing."""
-        nodes = lines.shape[1]
+        """Return the slopes along the first axis of lines of nodes at a spacing."""
+        nodes = lines.shape[0]
         squares = []
         for power in range(max(nodes.bit_length() - 2, 1)):
             distance = 2**power
-            rise = lines[:, distance:] - lines[:, :-distance]
+            rise = lines[distance:] - lines[:-distance]
             mean_square = 0.0
             if rise.size:
-                mean_square = float(np.vdot(rise, rise)) / rise.size
+                mean_square = float((rise * rise).sum()) / rise.size
             squares.append(mean_square / (distance * spacing) ** 2)
         return cls(np.log(np.maximum(squares, 1e-300)))
 
@@ -181,16 +225,20 @@ class _Waves:
 
     Attributes
     ----------
-    amplitudes : ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
-        Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one [um].
-    along, across : ndarray of int, shape (nx,) and (ny // 2 + 1,) or (ny,)
+    amplitudes : ndarray, shape (nx, ky)
+        Amplitudes of Fourier's waves of a periodic patch, or of the cosines of a mirrored one. The
+        shortest waves along the second axis are left out where they have next to no slope, see
+        `NEGLIGIBLE` [unit of heights].
+    along, across : ndarray of int, shape (nx,) and (ky,)
         Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
         periodic patch run the other way.
     times_along, times_across : ndarray, shapes of along and across
         Number of waves for which an amplitude stands, by axis: 2 if it stands also for the wave the
         other way [1].
-    aspect : float
-        Second side of a cell over its first [1].
+    steepness_along, steepness_across : ndarray, shapes of along and across
+        Mean square slopes of waves of a unit amplitude by their numbers, in an arbitrary unit.
+    left_out : float
+        Mean square slope of the waves that are left out, or more, in the same unit.
     is_periodic : bool
         Whether the patch is periodic.
     """
@@ -200,43 +248,57 @@ class _Waves:
     across: Nodes
     times_along: Values
     times_across: Values
-    aspect: float
+    steepness_along: Values
+    steepness_across: Values
+    left_out: float
     is_periodic: bool
 
     @classmethod
-    def periodic(cls, heights: Field, aspect: float) -> _Waves:
-        """Return the waves of a periodic patch of cells with an aspect, second side over first."""
+    def of(cls, heights: Field, aspect: float, *, is_periodic: bool) -> _Waves:
+        """Return the waves of a patch of cells with an aspect, second side over first.
+
+        Heights have a mean of zero. The nodes of a mirrored patch are the centres of its cells.
+        """
         from scipy import fft  # here, because few contacts need it
 
         rows, columns = heights.shape
-        across = np.arange(columns // 2 + 1)
-        stand_for_one = (across == 0) | (2 * across == columns)
+        if is_periodic:
+            along = np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp)
+            across = np.arange(columns // 2 + 1)
+            times_along = np.ones(rows)
+            stands_for_one = (across == 0) | (2 * across == columns)
+            of_rows: NDArray[Any] = fft.rfft(heights, norm="forward")
+            parts = of_rows.view(np.float64)  # real and imaginary parts beside each other
+            squares = np.einsum("ij,ij->j", parts, parts).reshape(-1, 2).sum(axis=1)
+        else:
+            along = np.arange(rows)
+            across = np.arange(columns)
+            times_along = np.where(along == 0, 1.0, 2.0)
+            stands_for_one = across == 0
+            of_rows = fft.dct(heights, norm="forward")
+            squares = np.einsum("ij,ij->j", of_rows, of_rows)
+        times_across = np.where(stands_for_one, 1.0, 2.0)
+        steepness_along = (along / rows) ** 2
+        steepness_across = (across / columns / aspect) ** 2
+        of_number = times_across * squares / rows
+        left_out = _steepest_from(of_number, steepness_across, steepness_along.max())
+        # Among waves of a number across, those of the longest wave along are the least steep ones.
+        least = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
+        kept = int(np.argmax(left_out <= NEGLIGIBLE * least))
+        if is_periodic:
+            amplitudes = fft.fft(of_rows[:, :kept], axis=0, norm="forward")
+        else:
+            amplitudes = fft.dct(of_rows[:, :kept], axis=0, norm="forward")
         return cls(
-            amplitudes=fft.rfft2(heights, norm="forward"),
-            along=np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp),
-            across=across,
-            times_along=np.ones(rows),
-            times_across=np.where(stand_for_one, 1.0, 2.0),
-            aspect=aspect,
-            is_periodic=True,
-        )
-
-    @classmethod
-    def mirrored(cls, heights: Field, aspect: float) -> _Waves:
-        """Return the cosines of a mirrored patch; its nodes are the centres of cells."""
-        from scipy import fft  # here, because few contacts need it
-
-        rows, columns = heights.shape
-        along = np.arange(rows)
-        across = np.arange(columns)
-        return cls(
-            amplitudes=fft.dctn(heights, norm="forward"),
+            amplitudes=amplitudes,
             along=along,
-            across=across,
-            times_along=np.where(along == 0, 1.0, 2.0),
-            times_across=np.where(across == 0, 1.0, 2.0),
-            aspect=aspect,
-            is_periodic=False,
+            across=across[:kept],
+            times_along=times_along,
+            times_across=times_across[:kept],
+            steepness_along=steepness_along,
+            steepness_across=steepness_across[:kept],
+            left_out=float(left_out[kept]),
+            is_periodic=is_periodic,
         )
 
     def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
@@ -250,7 +312,7 @@ class _Waves:
         Returns
         -------
         heights : ndarray, shape (mx, my)
-            Heights on the coarser grid, of zero mean [um].
+            Heights on the coarser grid, of zero mean [unit of heights].
         dropped : float
             Share of the mean square slope of the waves that are cut [1].
         """
@@ -275,98 +337,112 @@ class _Waves:
 
     @computed_once
     def _mean_square_slope(self) -> float:
-        """Mean square slope of all waves, in an arbitrary unit."""
+        """Mean square slope of all waves, in the unit of `steepness_along`."""
         rows, columns = self.amplitudes.shape
-        return self._slope_of(self.amplitudes, np.arange(rows), np.arange(columns))
+        kept = self._slope_of(self.amplitudes, np.arange(rows), np.arange(columns))
+        return kept + self.left_out
 
     def _slope_of(self, amplitudes: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
-        """Return the mean square slope of waves in the unit of `_mean_square_slope`.
+        """Return the mean square slope of waves in the unit of `steepness_along`.
 
-        `amplitudes` are those of the given rows and columns of all amplitudes [um].
+        `amplitudes` are those of the given rows and columns of all amplitudes.
         """
         squares = amplitudes.real**2
         if self.is_periodic:  # amplitudes are complex
             squares += amplitudes.imag**2
-        nodes_across = self.times_across.size
-        if self.is_periodic:
-            nodes_across = 2 * (nodes_across - 1)
-        slope_along = (self.along[rows] / self.along.size) ** 2
-        slope_across = (self.across[columns] / nodes_across / self.aspect) ** 2
         times_along = self.times_along[rows]
         times_across = self.times_across[columns]
-        weights = np.stack([times_across, times_across * slope_across], axis=1)
-        sums = squares @ weights
-        part_along = (times_along * slope_along) @ sums[:, 0]
+        steepness_across = times_across * self.steepness_across[columns]
+        sums = squares @ np.stack([times_across, steepness_across], axis=1)
+        part_along = (times_along * self.steepness_along[rows]) @ sums[:, 0]
         part_across = times_along @ sums[:, 1]
         return float(part_along + part_across)
 
 
-def _read_free(
-    heights: Field, nodes: tuple[int, int], aspect: float
-) -> tuple[Field, float]:
-    """Return a free surface at the centres of larger cells.
-
-    What the coarser grid has not is the difference to the surface that is read back from it by
-    cubic splines. It is measured on some lines of the map.
+def _steepest_from(
+    squares: Values, steepness_across: Values, steepest_along: float
+) -> Values:
+    """Return the largest mean square slopes that waves from each number across on may have, (k,).
 
     Parameters
     ----------
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    nodes : tuple of int
-        Nodes (mx, my) of the coarser grid.
-    aspect : float
-        Second side of a cell over its first [1].
-
-    Returns
-    -------
-    heights : ndarray, shape (mx, my)
-        Heights on the coarser grid [um].
-    dropped : float
-        Share of the mean square slope of this difference, at least that of the waves that are lost
-        [1].
+    squares : ndarray, shape (k - 1,)
+        Mean squares of the waves of each number across.
+    steepness_across : ndarray, shape (k - 1,)
+        Mean square slope across of a wave of a unit amplitude.
+    steepest_along : float
+        Mean square slope along of the shortest wave of a unit amplitude.
     """
-    places: list[Values] = []
-    fewer = heights
-    for axis in (0, 1):
-        step = heights.shape[axis] / nodes[axis]
-        places.append((np.arange(nodes[axis]) + 0.5) * step - 0.5)
-        fewer = _interpolated(fewer, axis, places[axis])
-    along = _squared_slopes_of_lines(heights, fewer, places)
-    across = _squared_slopes_of_lines(heights.T, fewer.T, places[::-1])
-    total = along.of_map + across.of_map / aspect**2
-    lost = along.of_difference + across.of_difference / aspect**2
-    return np.ascontiguousarray(fewer), lost / total if total > 0 else 0.0
+    steepest = squares * (steepness_across + steepest_along)
+    return np.append(np.cumsum(steepest[::-1])[::-1], 0.0)
 
 
-def _interpolated(heights: Field, axis: int, places: Values) -> Field:
-    """Return heights at places [spacing] along an axis, interpolated from the nodes around.
+def _read_free(heights: Field, nodes: tuple[int, int]) -> Field:
+    """Return a free surface [um] at the centres of larger cells, shape `nodes`."""
+    along, across = (
+        _interpolation(all_nodes, _places(all_nodes, fewer))
+        for all_nodes, fewer in zip(heights.shape, nodes, strict=True)
+    )
+    return np.ascontiguousarray((across @ (along @ heights).T).T)
 
-    Each is by Lagrange's polynomial through the `NODES_BESIDE` nodes around its place.
 
-    Places at nodes give the heights of these nodes.
+def _places(nodes: int, fewer: int) -> Values:
+    """Return the places of fewer nodes along an axis, at the centres of larger cells [spacing]."""
+    return (np.arange(fewer, dtype=np.float64) + 0.5) * (nodes / fewer) - 0.5
+
+
+def _interpolation(nodes: int, places: Values) -> Any:
+    """Return weights of the heights at nodes in those at places [spacing], sparse, (m, nodes).
+
+    Each height is on Lagrange's polynomial through the `NODES_BESIDE` nodes around its place. A
+    place at a node has the height of this node.
     """
-    nodes = heights.shape[axis]
+    from scipy.sparse import csr_array  # here, because few contacts need it
+
     beside = min(NODES_BESIDE, nodes)
     first = np.floor(places).astype(np.intp) - (beside // 2 - 1)
     first = np.clip(first, 0, nodes - beside)
-    read_shape = list(heights.shape)
-    read_shape[axis] = places.size
-    read: Field = np.zeros(read_shape)
     from_first = places - first
+    weights = np.ones((places.size, beside))
     for number in range(beside):
-        weight = np.ones_like(places)
         for other in range(beside):
             if other != number:
-                weight *= (from_first - other) / (number - other)
-        neighbours = heights.take(first + number, axis)
-        read += neighbours * np.expand_dims(weight, 1 - axis)
-    return read
+                weights[:, number] *= (from_first - other) / (number - other)
+    columns = first[:, None] + np.arange(beside)
+    ends = beside * np.arange(places.size + 1)
+    shape = (places.size, nodes)
+    return csr_array((weights.ravel(), columns.ravel(), ends), shape=shape)
+
+
+def _dropped_from_free(
+    shape: tuple[int, ...], fewer: Field, lines: tuple[Field, Field], aspect: float
+) -> float:
+    """Return the share of a free map's mean square slope that fewer nodes have not [1].
+
+    It is that of the difference to the surface that is interpolated back from them, on some lines
+    of the map: at least the waves that are lost.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the map.
+    fewer : ndarray, shape (mx, my)
+        Heights on fewer nodes [unit of heights].
+    lines : tuple of ndarray, shapes (nx, k) and (ny, m)
+        Lines of the map, see `sampled_lines` [unit of heights].
+    aspect : float
+        Second side of a cell over its first [1].
+    """
+    along = _squared_slopes(lines[0], fewer, shape[1])
+    across = _squared_slopes(lines[1], fewer.T, shape[0])
+    total = along.of_map + across.of_map / aspect**2
+    lost = along.of_difference + across.of_difference / aspect**2
+    return lost / total if total > 0 else 0.0
 
 
 @dataclass(frozen=True)
 class _SquaredSlopes:
-    """Mean squares of the slopes of lines along an axis [um2 / spacing2].
+    """Mean squares of the slopes of lines along an axis [square of unit of heights over spacing].
 
     Attributes
     ----------
@@ -380,37 +456,29 @@ class _SquaredSlopes:
     of_difference: float
 
 
-def _squared_slopes_of_lines(
-    heights: Field, fewer: Field, places: list[Values]
-) -> _SquaredSlopes:
-    """Return mean square slopes along the first axis, on some lines of a map.
+def _squared_slopes(lines: Field, fewer: Field, across: int) -> _SquaredSlopes:
+    """Return mean square slopes along the first axis of lines.
 
     Parameters
     ----------
-    heights : ndarray, shape (nx, ny)
-        Heights of the map [um].
+    lines : ndarray, shape (nx, k)
+        Lines of the map at regular distances, beginning with its border [unit of heights].
     fewer : ndarray, shape (mx, my)
-        Heights at the places [um].
-    places : list of ndarray, shapes (mx,) and (my,)
-        Places of the fewer nodes along both axes [spacing].
+        Heights on fewer nodes [unit of heights].
+    across : int
+        Nodes ny of the map along its second axis.
     """
-    first, last = places[1][[0, -1]]
-    within = np.arange(math.ceil(first), math.floor(last) + 1)
-    lines = within[:: max(1, within.size // LINES)]
-    first, last = places[0][[0, -1]]
-    window = slice(math.ceil(first), math.floor(last) + 1)
-    inner_nodes = np.arange(window.start, window.stop, dtype=np.float64)
-    map_lines = heights[window, lines]
-    read_back = _splined(fewer, 1, places[1], lines.astype(np.float64))
-    read_back = _splined(read_back, 0, places[0], inner_nodes)
+    nodes = lines.shape[0]
+    steps = nodes / fewer.shape[0], across / fewer.shape[1]
+    # places of the map's nodes and of its lines between the fewer nodes
+    places = (np.arange(nodes) + 0.5) / steps[0] - 0.5
+    line_numbers = np.arange(lines.shape[1]) * max(1, across // LINES)
+    line_places = (line_numbers + 0.5) / steps[1] - 0.5
+    inside = (places >= 0) & (places <= fewer.shape[0] - 1)
+    among = (line_places >= 0) & (line_places <= fewer.shape[1] - 1)
+    on_lines = _interpolation(fewer.shape[1], line_places[among]) @ fewer.T
+    read_back = _interpolation(fewer.shape[0], places[inside]) @ on_lines.T
+    map_lines = lines[inside][:, among]
     slopes = np.diff(map_lines, axis=0)
     differences = np.diff(map_lines - read_back, axis=0)
     return _SquaredSlopes(float(np.mean(slopes**2)), float(np.mean(differences**2)))
-
-
-def _splined(heights: Field, axis: int, nodes: Values, places: Values) -> Field:
-    """Return heights at some places along an axis, by the cubic spline through those at nodes."""
-    from scipy.interpolate import make_interp_spline  # here, because few contacts need it
-
-    read: Field = make_interp_spline(nodes, heights, 3, axis=axis)(places)
-    return read

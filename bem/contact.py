@@ -55,8 +55,8 @@ class Contact:
     approach : float
         Total displacement of the far field: Delta, plus F / K if the far field is compliant [um].
     residual : float
-        Largest absolute gap in contact, or penetration outside, over Delta, or over the approach
-        if the force is given [1].
+        Largest absolute gap in contact, or penetration outside, over Delta, or if the force is
+        given over the approach without what a uniform pressure displaces [1].
     iterations : int
         Number of steps of conjugate gradients, plus contact sets tried by dense algebra.
     convolutions : int

@@ -234,7 +234,7 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     if compliant:
         give = give_of(problem)
     solution = None
-    if problem.boundary == "free":
+    if problem.touches_by_overlap:
         solution = _on_few_nodes(problem, give)
     if solution is None:
         solution = _on_many_nodes(problem, near, give)
@@ -470,7 +470,7 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
         if np.ptp(problem.heights) + pressed_in <= delta:
             return _all_yielded(problem, delta)
     reached = delta
-    if edgeless or give > 0:  # all nodes may touch
+    if give > 0 or not problem.touches_by_overlap:  # all nodes may touch
         reached = math.inf
     touching = overlap(problem, reached, delta)
     iterate = _new(problem, touching, delta, give=give)
@@ -704,11 +704,11 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
 
 def _reach(problem: Problem, near: Start | None) -> float:
     """Return the displacement beyond which no node is likely to touch, inf if unknown [um]."""
+    if not problem.touches_by_overlap:
+        return math.inf
     if near is not None and near.reach is not None:
         return near.reach
-    if problem.boundary == "free":
-        return _guessed_reach(problem)
-    return math.inf
+    return _guessed_reach(problem)
 
 
 def _guessed_reach(problem: Problem) -> float:

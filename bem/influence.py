@@ -5,12 +5,13 @@ length and every material: a caller multiplies by spacing / E*.
 """
 
 import math
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.arrays import Field, Nodes, Real, Values
+from bem.arrays import Field, Mask, Nodes, Real, Values
 from bem.bodies import HALF_SPACE, Body
 from bem.threads import share
 
@@ -19,6 +20,29 @@ from bem.threads import share
 # the cell to the last digit. The error falls as (2 d)^(-2 points). Below the first distance the
 # closed form is used.
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
+
+# Difference of a body's relative compliance from 1 that is taken for 0 [1], and the exponent of the
+# decay at which it is reached.
+RESOLVED = 1e-13
+DECAYED = 15.0
+
+# Wave numbers between which it has to be reached [1 / first side of a cell].
+SMALLEST_WAVE_NUMBER = 1e-9
+LARGEST_WAVE_NUMBER = 100.0
+
+# Rings around the loaded cell: the distance at which each ends [longer side of a cell], and the
+# Gauss-Legendre points along each side of the cell, for layers of the size of the cell.
+DEPTH_RINGS = ((3.0, 8), (8.0, 6), (64.0, 4), (math.inf, 3))
+FAR = 8.0
+
+# Most points along a side of the cell.
+MOST_POINTS = 48
+
+# Gauss-Legendre points of a panel of wave numbers, half waves of the Bessel function in it, and
+# points of the table of displacements for each factor e in distance.
+PANEL_POINTS = 16
+WAVES_OF_PANEL = 4.0
+TABLE_POINTS = 160
 
 # Longest side of a square table that serves grids of all shapes that fit into it [nodes]. The boxes
 # of nodes that may touch have many shapes, and one table for all of them costs little.
@@ -72,7 +96,8 @@ def influence_coefficients(
     entries = side * side
     wastes_little = entries <= LARGEST_WASTE * shape[0] * shape[1]
     tabulated = shape
-    if entries < LARGE and (side <= ALWAYS_SHARED or wastes_little):
+    may_share = entries < LARGE and (side <= ALWAYS_SHARED or wastes_little)
+    if may_share and body.is_homogeneous:  # other bodies share a table over the distance
         tabulated = side, side
     if math.prod(tabulated) < LARGE:
         table = _kept_table(tabulated, body, aspect)
@@ -110,6 +135,8 @@ def _table(shape: tuple[int, int], body: Body, aspect: float) -> Field:
 
         bands = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
         share(tabulate, bands)
+        if not body.is_homogeneous:
+            table += _below_surface(shape, body, aspect)
     else:
         table = _concentrated_force(rows, columns, aspect)
     table.setflags(write=False)
@@ -170,6 +197,116 @@ def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
         for node_y, weight_y in zip(nodes / 2, weights / 2, strict=True):
             total += (weight_x * weight_y) / np.sqrt(square + (y + aspect * node_y) ** 2)
     return total * (aspect / np.pi)
+
+
+def _below_surface(shape: tuple[int, int], body: Body, aspect: float) -> Field:
+    """Compute what a body's depth adds to the coefficients of its surface's material, (nx, ny).
+
+    A unit force displaces a layered body by 1 / (pi r), as a half-space of its surface, plus
+
+        G(r) = 1 / pi * integral over q of (C(q) / C_surface(q) - 1) J0(q r)
+
+    whose integrand is finite at q = 0, and falls exponentially with the depth of the layer. G is
+    smooth: it is tabulated over r, interpolated, and averaged over the loaded cell by
+    Gauss-Legendre points. `body` is reduced.
+    """
+    farthest = math.hypot(shape[0] + 1, (shape[1] + 1) * aspect)
+    depth = DECAYED / largest_wave_number(body)  # the length on which G changes
+    reach = 2.0 ** max(
+        math.ceil(math.log2(farthest)), 4
+    )  # few lengths, which grids share
+    displacement = _tabulated_depth(body, reach, depth)
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    table = np.zeros(shape)
+    for zone, points in _zones_of_depth(shape, aspect, depth):
+        x = np.broadcast_to(rows, shape)[zone] * 1.0
+        y = np.broadcast_to(columns, shape)[zone] * aspect
+        nodes, weights = np.polynomial.legendre.leggauss(points)
+        total = np.zeros_like(x)
+        for node_x, weight_x in zip(nodes / 2, weights / 2, strict=True):
+            for node_y, weight_y in zip(nodes / 2, weights / 2, strict=True):
+                distance = np.hypot(x + node_x, y + aspect * node_y)
+                total += weight_x * weight_y * displacement(distance)
+        table[zone] = total * aspect
+    return table
+
+
+def largest_wave_number(body: Body) -> float:
+    """Return the wave number from which on a body answers as its surface's material does.
+
+    Parameters
+    ----------
+    body : Body
+        Reduced body that is not homogeneous.
+
+    Returns
+    -------
+    float
+        Wave number; inf if it is larger than a table of coefficients can reach
+        [1 / first side of a cell].
+    """
+    wave_number = SMALLEST_WAVE_NUMBER
+    while wave_number <= LARGEST_WAVE_NUMBER:
+        relative = np.ravel(body.relative_compliance(np.array([wave_number])))
+        if abs(float(relative[0]) - 1) < RESOLVED:
+            return wave_number
+        wave_number *= 2**0.25
+    return math.inf
+
+
+def _zones_of_depth(
+    shape: tuple[int, int], aspect: float, depth: float
+) -> Iterator[tuple[Mask, int]]:
+    """Yield the offsets in rings around the loaded cell, and the Gauss-Legendre points for each."""
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    distance = np.hypot(rows, columns * aspect) / max(1.0, aspect)
+    start = 0.0
+    for stop, least_points in DEPTH_RINGS:
+        points = least_points
+        if stop <= FAR:  # farther away G is that of a point force
+            points = math.ceil(points * max(1.0, max(1.0, aspect) / depth))
+        yield (distance >= start) & (distance < stop), min(points, MOST_POINTS)
+        start = stop
+
+
+@lru_cache(maxsize=8)
+def _tabulated_depth(body: Body, farthest: float, depth: float) -> Callable[[Real], Real]:
+    """Return the function G of `_below_surface` up to a distance, from a table.
+
+    `depth` is the length on which G changes. Lengths are in first sides of a cell.
+    """
+    # Imported here, because half-spaces do not need it.
+    from scipy.interpolate import make_interp_spline
+    from scipy.special import j0
+
+    largest = largest_wave_number(body)
+    # Panels grow from the smallest wave number, and none has more than a few waves of J0.
+    longest = min(WAVES_OF_PANEL * math.pi / farthest, largest / 8)
+    edges = [0.0, SMALLEST_WAVE_NUMBER / farthest]
+    while edges[-1] < largest:
+        edges.append(min(2 * edges[-1], edges[-1] + longest, largest))
+    nodes, weights = np.polynomial.legendre.leggauss(PANEL_POINTS)
+    middles = (np.array(edges[1:]) + np.array(edges[:-1])) / 2
+    halves = np.diff(edges) / 2
+    wave_numbers = (middles[:, np.newaxis] + np.outer(halves, nodes)).ravel()
+    strengths = np.outer(halves, weights).ravel()
+    strengths *= (body.relative_compliance(wave_numbers) - 1) / np.pi
+    # Distances are even in arsinh(r / depth): even below the depth, at equal ratios beyond it.
+    end = math.asinh(farthest / depth)
+    places = np.linspace(0, end, math.ceil(end * TABLE_POINTS) + 8)
+    distances = depth * np.sinh(places)
+    values = np.zeros(len(distances))
+    for first in range(0, len(distances), ROWS):
+        some = slice(first, first + ROWS)
+        values[some] = j0(np.outer(distances[some], wave_numbers)) @ strengths
+    spline = make_interp_spline(places, values, 5)
+
+    def displacement(distance: Real) -> Real:
+        """Return G at some distances."""
+        interpolated: Real = spline(np.arcsinh(distance / depth))
+        return interpolated
+
+    return displacement
 
 
 def _concentrated_force(

@@ -18,6 +18,7 @@ from bem.bodies import (
     checked_body,
 )
 from bem.checks import LARGEST, Range, real_array, real_number, refuse_masked, shown
+from bem.influence import largest_wave_number
 
 Boundary = Literal["free", "periodic", "mirror"]
 BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
@@ -157,6 +158,15 @@ class Problem:
     def has_most_delta(self) -> bool:
         """Whether Delta of elastic bodies ends at full contact: no uniform pressure moves it."""
         return self.boundary != "free" and not self.body.mean_compliance > 0
+
+    @property
+    def touches_by_overlap(self) -> bool:
+        """Whether nodes whose undeformed surfaces do not overlap stay apart.
+
+        On a half-space a pressure displaces every other node downwards. Beside a load on a layer
+        the surface may rise, and without edges its mean stays.
+        """
+        return self.boundary == "free" and self.body.is_homogeneous
 
     @property
     def is_deeper_than_cells(self) -> bool:
@@ -408,11 +418,6 @@ def _check_combinations(problem: Problem) -> None:
         raise ValueError(
             f"kernel = 'concentrated-force' {reason}: use kernel = 'uniform-pressure'"
         )
-    if not edgeless and not problem.body.is_homogeneous:
-        raise ValueError(
-            "a layered body is not solved with boundary = 'free', where the influence of one cell"
-            " on all others is needed: use boundary = 'periodic' or 'mirror'"
-        )
     if problem.far_field == "compliant" and (edgeless or problem.hardness is not None):
         raise ValueError(
             f"far_field = 'compliant' is not solved with {settings}: use far_field = 'rigid'"
@@ -423,6 +428,12 @@ def _check_compliance(problem: Problem) -> None:
     """Refuse a body whose compliance is not a number above 0, from the patch to the cell."""
     if problem.body.is_homogeneous:
         return
+    is_free = problem.boundary == "free"
+    if is_free and math.isinf(largest_wave_number(problem.reduced_body)):
+        raise OutOfRange(
+            "the body changes within a fifth of a cell below its surface, too thin a layer for"
+            " boundary = 'free': use boundary = 'periodic' or 'mirror'"
+        )
     along, across = problem.spacing
     rows, columns = problem.heights.shape
     longest = 2 * max(rows * along, columns * across)
@@ -439,7 +450,8 @@ def _check_compliance(problem: Problem) -> None:
 
 def _check_displacement(problem: Problem, delta: float) -> None:
     """Refuse a displacement [um] of full contact or more of elastic bodies without edges."""
-    if not problem.has_most_delta or problem.hardness is not None:
+    is_bounded = problem.has_most_delta and problem.hardness is None
+    if not is_bounded or delta <= 0:
         return
     depth = float((problem.datum_height - problem.heights).mean())
     if delta >= max(depth, FLATTEST):

@@ -167,8 +167,9 @@ def solve(
     body : Body or tuple of two Body, optional
         The elastic body in place of `modulus`, `poisson`, `kernel` and `far_field`: a
         `bem.HalfSpace`, a `bem.Layered`, or two, (a, b), whose compliances add. E* is that of the
-        material at the surface. Layers need the boundary "periodic" or "mirror". On a rigid base
-        the mean pressure displaces the surface as well, which is part of Delta.
+        material at the surface. On a patch without edges the mean pressure displaces a layer on a
+        rigid base as well, which is part of Delta. On a free patch a layer has at least a fifth of
+        the thickness of a cell, and other bodies than these two are refused.
     boundary : str
         "free": nothing surrounds the patch, as in the paper. "periodic": the patch repeats itself
         along both axes without end. "mirror": its mirror images continue it, which leaves no step

@@ -8,12 +8,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self
 
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import quoted
 
 if TYPE_CHECKING:
+    import bem
     from gen.arrays import Heights
 
 SMALLEST = 1e-38
@@ -38,6 +39,17 @@ LOADS = {
     "pressure": f"give pressures from 0 to {LARGEST:g} MPa, not all 0, as 0:100:20",
 }
 """What to give for the loads of a law and of predictions, by the name of the option."""
+
+
+LAYER_COLUMNS = {
+    "layer_thickness_um": ("layer", "um"),
+    "layer_young_MPa": ("layer's Young's modulus", "MPa"),
+    "layer_poisson": ("layer's Poisson's ratio", ""),
+    "base": ("base of the layer", ""),
+    "base_young_MPa": ("base's Young's modulus", "MPa"),
+    "base_poisson": ("base's Poisson's ratio", ""),
+}
+"""Columns about a layer: the name and the unit for people."""
 
 
 class Gas(NamedTuple):
@@ -402,8 +414,95 @@ class Friction:
         return cls(coefficient=coefficient, poisson=mean_ratio)
 
 
+class Layer(NamedTuple):
+    """A layer that is bonded to an elastic body or to a rigid one."""
+
+    thickness: float  # [um]
+    material: ElasticBody
+    on_rigid: bool  # whether its base is rigid
+
+    @classmethod
+    def of(
+        cls,
+        thickness: float | None,
+        young: float | None,
+        poisson: float | None,
+        base: str,
+    ) -> Self | None:
+        """Return the layer of the options.
+
+        Parameters
+        ----------
+        thickness : float or None
+            Thickness [um].
+        young : float or None
+            Young's modulus [MPa].
+        poisson : float or None
+            Poisson's ratio; None for 0.
+        base : {"elastic", "rigid"}
+            What it lies on.
+
+        Returns
+        -------
+        Layer or None
+            The layer; None if none of its options was given.
+
+        Raises
+        ------
+        InputError
+            If a number is out of range, or a thickness or a modulus is missing.
+        """
+        numbers = {
+            "--layer-thickness": thickness,
+            "--layer-young": young,
+            "--layer-poisson": poisson,
+            "--layer-base rigid": None if base == "elastic" else base,
+        }
+        named = [option for option, value in numbers.items() if value is not None]
+        if not named:
+            return None
+        if thickness is None or young is None:
+            missing = "--layer-thickness" if thickness is None else "--layer-young"
+            raise InputError(f"{named[0]}: a layer needs {missing}, too")
+        require_within("--layer-thickness", thickness, "um", "the thickness")
+        require_within("--layer-young", young, "MPa", "the modulus")
+        ratio = poisson or 0.0
+        _require_poisson("--layer-poisson", ratio)
+        return cls(
+            thickness=thickness,
+            material=ElasticBody(young=young, poisson=ratio),
+            on_rigid=base == "rigid",
+        )
+
+
+class LayeredBody(NamedTuple):
+    """A layer, the elastic body below it, and the other body."""
+
+    layer: Layer
+    base: ElasticBody | None  # None if the base is rigid
+    other: (
+        ElasticBody | None
+    )  # the body that is pressed on the layer; None if it is rigid
+
+    @property
+    def body(self) -> "bem.Body | tuple[bem.Body, bem.Body]":
+        """The layered body, or both bodies, as `bem.solve` takes them."""
+        import bem  # here, so that --help does not wait for it
+
+        base: bem.HalfSpace | Literal["rigid"] = "rigid"
+        if self.base is not None:
+            base = bem.HalfSpace(*self.base)
+        layered = bem.Layered(self.layer.thickness, *self.layer.material, base)
+        if self.other is None:
+            return layered
+        return layered, bem.HalfSpace(*self.other)
+
+
 class Bodies(NamedTuple):
-    """Material of the bodies in contact: E* and the hardness of the softer one [MPa]."""
+    """Material of the bodies in contact: E* and the hardness of the softer one [MPa].
+
+    E* is that of the surfaces: of a layer, not of what it lies on.
+    """
 
     e_star: float
     hardness: float | None = None  # None for elastic bodies
@@ -411,6 +510,8 @@ class Bodies(NamedTuple):
     has_modulus: bool = False
     # The elastic body, if the user gave exactly one Young's modulus; None otherwise.
     only: ElasticBody | None = None
+    # The bodies if one of them has a layer; None for half-spaces.
+    layered: LayeredBody | None = None
 
     @classmethod
     def of(
@@ -463,6 +564,75 @@ class Bodies(NamedTuple):
             only = ElasticBody(young=young[0], poisson=ratio)
         return cls(e_star=modulus, hardness=hardness, has_modulus=has_modulus, only=only)
 
+    @classmethod
+    def with_layer(
+        cls,
+        layer: Layer,
+        young: Sequence[float] | None,
+        poisson: Sequence[float] | None,
+        e_star: float | None,
+        hardness: float | None,
+    ) -> Self:
+        """Return the bodies of the options, the first of which has a layer.
+
+        Parameters
+        ----------
+        layer : Layer
+            The layer.
+        young, poisson : sequence of float or None
+            Young's modulus [MPa] and Poisson's ratio of the body below the layer, then of the other
+            body if that is elastic, too. On a rigid base there is neither.
+        e_star : float or None
+            Has to be None: E* of a half-space does not tell its shear modulus.
+        hardness : float or None
+            Hardness of the softer surface [MPa]; None for elastic bodies.
+
+        Returns
+        -------
+        Bodies
+            The bodies.
+
+        Raises
+        ------
+        InputError
+            If a number is out of range, or the options do not go with the layer.
+        """
+        if e_star is not None:
+            raise InputError(
+                "--e-star does not tell the material below a layer: give --young and --poisson"
+            )
+        if layer.on_rigid and (young or poisson):
+            raise InputError(
+                "--layer-base rigid: leave out --young and --poisson, a rigid base has neither"
+            )
+        if not (layer.on_rigid or young):
+            raise InputError(
+                "--layer-thickness: give --young of the body below the layer, or --layer-base rigid"
+            )
+        if hardness is not None:
+            require_within("--hardness", hardness, "MPa", "the hardness")
+        combined_modulus(young, poisson)  # checks the numbers
+        moduli = list(young or [])
+        ratios = list(poisson or [0.0] * len(moduli))
+        elastic: list[ElasticBody | None] = [
+            ElasticBody(*body) for body in zip(moduli, ratios, strict=True)
+        ]
+        elastic += [None] * (2 - len(elastic))
+        surfaces = [layer.material]
+        if elastic[1] is not None:
+            surfaces.append(elastic[1])
+        modulus = combined_modulus(
+            [surface.young for surface in surfaces],
+            [surface.poisson for surface in surfaces],
+        )
+        assert modulus is not None
+        return cls(
+            e_star=modulus,
+            hardness=hardness,
+            has_modulus=True,
+            layered=LayeredBody(layer=layer, base=elastic[0], other=elastic[1]),
+        )
+
     @property
     def hardness_ratio(self) -> float | None:
         """Hardness over E*; None for elastic bodies."""
@@ -472,9 +642,17 @@ class Bodies(NamedTuple):
     def text(self) -> str:
         """E* and, if there is one, the hardness in words, for titles and records."""
         modulus = f"E* = {self.e_star:.6g} MPa"
+        if self.layered is not None:
+            modulus += f", layer of {self.layered.layer.thickness:.6g} um"
         if self.hardness is None:
             return modulus
         return f"{modulus}, hardness = {self.hardness:.6g} MPa"
+
+
+def _require_poisson(option: str, ratio: float) -> None:
+    """Refuse a Poisson's ratio, given by an option, that no material has."""
+    if not -1 < ratio <= 0.5:
+        raise InputError(f"{option} {ratio:g}: must be above -1 and at most 0.5")
 
 
 def combined_modulus(
@@ -524,8 +702,7 @@ def combined_modulus(
         )
     for modulus, ratio in zip(moduli, ratios, strict=True):
         require_within("--young", modulus, "MPa", "the modulus")
-        if not -1 < ratio <= 0.5:
-            raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
+        _require_poisson("--poisson", ratio)
     # 1 / E1*, and 1 / E2* if there is a second elastic body.
     inverses = [1 / (e / (1 - nu**2)) for e, nu in zip(moduli, ratios, strict=True)]
     return 1 / sum(inverses)

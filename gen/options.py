@@ -8,7 +8,7 @@ description for Typer. A NamedTuple is a group of options, each a field, which
 import math
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -56,7 +56,11 @@ SurfaceFiles = Annotated[
 Table = Annotated[Path | None, _file("Also write the results as a CSV table.", "--csv")]
 Json = Annotated[Path | None, _file("Also write the results as JSON.", "--json")]
 Scene = Annotated[
-    str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")
+    str,
+    Argument(
+        metavar="SCENE",
+        help="A shipped scene, as quick, a TOML file, or a database, for its scene.",
+    ),
 ]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
 ExportFolder = Annotated[
@@ -127,6 +131,13 @@ Error = Annotated[
         metavar="ERROR",
         help="Solve on the coarsest grid that gives the area to this error at 95 %, as 3%; other"
         " answers as area=1%,mean_gap=2%.",
+    ),
+]
+TimeLimit = Annotated[
+    float | None,
+    Option(
+        metavar="SECONDS",
+        help="With --error of a scene: stop after this time, and say what is left of each error.",
     ),
 ]
 Stiffness = Annotated[
@@ -290,6 +301,33 @@ class Material(NamedTuple):
     ] = None
 
 
+class Layer(NamedTuple):
+    """The options about a layer that is bonded to the first elastic body, or to a rigid one.
+
+    The fields have the order of the parameters of `gen.material.Layer.of`.
+    """
+
+    layer_thickness: Annotated[
+        float | None,
+        Option(
+            metavar="UM",
+            help="Thickness of a layer that is bonded to the body of --young.",
+        ),
+    ] = None
+    layer_young: Annotated[
+        float | None, Option(metavar="MPA", help="Young's modulus of the layer.")
+    ] = None
+    layer_poisson: Annotated[
+        float | None, Option(metavar="NU", help="Poisson's ratio of the layer [0].")
+    ] = None
+    layer_base: Annotated[
+        Literal["elastic", "rigid"],
+        Option(
+            help="elastic: the layer lies on the body of --young; rigid: on a rigid one."
+        ),
+    ] = "elastic"
+
+
 class Shear(NamedTuple):
     """The options about shear of two bodies of like elastic constants."""
 
@@ -374,7 +412,7 @@ class Accuracy(NamedTuple):
             return None
         from gen.maps.accuracy import errors_from
 
-        _refuse_with_error(context)
+        refuse(context, NOT_WITH_ERROR)
         return errors_from(self.error)
 
 
@@ -388,13 +426,33 @@ NOT_WITH_ERROR = {
 """Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
 
 
-def _refuse_with_error(context: typer.Context) -> None:
-    """Refuse the first option of a command that was given and does not go with --error."""
+NOT_WITH_MEANS = {
+    "surfaces": (None, "the number of surfaces follows from the error"),
+    "band": (None, "the band is the error of the means"),
+}
+"""Further options that --error refuses with a scene."""
+
+
+def refuse(context: typer.Context, refused: Mapping[str, tuple[object, str]]) -> None:
+    """Refuse the first option of a command that was given and does not go with --error.
+
+    Parameters
+    ----------
+    context : typer.Context
+        The command with the values of all of its options.
+    refused : mapping
+        Refused options by their parameters: the value that is allowed, and the reason.
+
+    Raises
+    ------
+    InputError
+        If one of them was given with another value.
+    """
     for parameter in context.command.params:
         name = str(parameter.name)
-        if name not in NOT_WITH_ERROR:
+        if name not in refused:
             continue
-        allowed, reason = NOT_WITH_ERROR[name]
+        allowed, reason = refused[name]
         source = context.get_parameter_source(name)
         is_given = source is not None and source.name == "COMMANDLINE"
         value = context.params[name]
@@ -546,18 +604,23 @@ class LawFormat:
 
     option: str  # option that names the file, for messages
     ending: str  # what `--output NAME` appends to NAME, such as ".csv"
-    has_sides: bool = False  # whether each of the `BAND_SIDES` has a file too
+    # What follows the stem of further files: the sides of the band, or the argument of a table.
+    further: tuple[str, ...] = ()
+    by_stem: bool = True  # whether `--output` writes it
 
 
 LAW_FORMATS = {
     "table": LawFormat("--csv", ".csv"),
     "json": LawFormat("--json", ".json"),
     "header": LawFormat("--header", ".h"),
-    "calculix": LawFormat("--calculix", "-calculix.inp", has_sides=True),
-    "abaqus": LawFormat("--abaqus", "-abaqus.inp", has_sides=True),
+    "calculix": LawFormat("--calculix", "-calculix.inp", further=BAND_SIDES),
+    "abaqus": LawFormat("--abaqus", "-abaqus.inp", further=BAND_SIDES),
     "for_4c": LawFormat("--4c", "_4c.py"),
+    "moose": LawFormat("--moose", "-moose.csv", by_stem=False),
+    "ansys": LawFormat("--ansys", "-ansys.inp", by_stem=False),
+    "comsol": LawFormat("--comsol", "-comsol.txt", further=("closure",), by_stem=False),
 }
-"""Formats by the field of `LawOutputs` that names the file; `--output` writes all of them."""
+"""Formats by the field of `LawOutputs` that names the file."""
 
 
 class LawOutputs(NamedTuple):
@@ -578,11 +641,16 @@ class LawOutputs(NamedTuple):
     for_4c: Annotated[
         Path | None, _file("Write 4C's Python file of a contact law.", "--4c")
     ] = None
+    moose: Annotated[Path | None, _file("Write MOOSE's table of functions.")] = None
+    ansys: Annotated[Path | None, _file("Write Ansys' tables in APDL.")] = None
+    comsol: Annotated[Path | None, _file("Write COMSOL's interpolation functions.")] = (
+        None
+    )
     picture: Annotated[Path | None, _file("Draw the law with its band.", "--plot")] = None
     units: Annotated[
         Units,
         Option(
-            help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."
+            help="Units of files for programs: mm (mm, N, s, MPa), si or um (with MPa)."
         ),
     ] = "mm"
     check: Annotated[
@@ -631,7 +699,7 @@ class LawOutputs(NamedTuple):
         Returns
         -------
         LawOutputs
-            A copy. If `stem` is given, every format of `LAW_FORMATS` that had no path has one.
+            A copy. If `stem` is given, every format that `--output` writes has a path.
 
         Raises
         ------
@@ -649,7 +717,7 @@ class LawOutputs(NamedTuple):
 
 
 def _named(files: LawOutputs, stem: Path) -> LawOutputs:
-    """Return a copy of files of a law in which every format of `LAW_FORMATS` has a path.
+    """Return a copy of files of a law in which every format that `--output` writes has a path.
 
     Paths that the user gave stay. The others are `stem`, the value of --output, with the ending of
     the format. Raises InputError if `stem` has no name.
@@ -660,7 +728,8 @@ def _named(files: LawOutputs, stem: Path) -> LawOutputs:
         )
     paths: dict[str, Any] = {}
     for field, law_format in LAW_FORMATS.items():
-        if getattr(files, field) is not None:  # the user has named this file
+        is_named = getattr(files, field) is not None  # by an option of its own
+        if is_named or not law_format.by_stem:
             continue
         beginning = stem.name
         # 4C imports its file as a module, and the name of a module has no point.
@@ -695,7 +764,6 @@ def _outputs(files: LawOutputs) -> Iterator[Output]:
         if path is None:
             continue
         yield Output(path, law_format.option)
-        if law_format.has_sides:
-            for side in BAND_SIDES:
-                file_of_side = path.parent / f"{path.stem}-{side}{path.suffix}"
-                yield Output(file_of_side, law_format.option)
+        for ending in law_format.further:
+            further_file = path.with_stem(f"{path.stem}-{ending}")
+            yield Output(further_file, law_format.option)

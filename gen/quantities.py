@@ -404,8 +404,9 @@ def patch_compliance(problem: Problem) -> float:
     """Compute the displacement of a flat punch of the size of the patch, per nominal pressure.
 
     With a rigid far field, Delta of a free patch includes this displacement of the half-space. The
-    mesh of a finite-element model adds it by itself. Delta does not include it for a patch without
-    edges, nor with a compliant far field.
+    mesh of a finite-element model adds it by itself. Delta does not include it with a compliant far
+    field, nor for a patch without edges, unless the body is a layer on a rigid base, which a
+    uniform pressure compresses.
 
     Parameters
     ----------
@@ -417,7 +418,9 @@ def patch_compliance(problem: Problem) -> float:
     float
         Compliance [um / MPa]; 0 if Delta does not include it.
     """
-    if problem.boundary != "free" or problem.far_field != "rigid":
+    if problem.boundary != "free":
+        return problem.body.mean_compliance
+    if problem.far_field != "rigid":
         return 0.0
     from bem.derived.stiffness import patch_stiffness
 
@@ -565,9 +568,10 @@ def _all_nodes(problem: Problem) -> float:
 def _stiffness_at_full(problem: Problem) -> float:
     """Return the stiffness of a flat punch of the size of the patch [N/m].
 
-    It is infinite for a patch without edges, because all nodes of it sink alike.
+    It is infinite for a patch without edges, because all nodes of it sink alike, unless the body
+    lies on a rigid base.
     """
-    if problem.boundary != "free":
+    if problem.has_most_delta:
         return math.inf
     from bem.derived.stiffness import patch_stiffness
 

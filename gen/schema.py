@@ -36,6 +36,10 @@ PHYSICS_CHANGES: dict[int, str] = {
 that solves all contacts. Earlier solvers computed the results with numbers up to 4 for all scenes,
 and up to 10 for some scenes."""
 
+LAYER_THICKNESS = "layer_thickness"
+LAYER_MODULUS = "layer_modulus"
+"""Names of the columns with a layer's numbers that are drawn for every sample."""
+
 RUNTIME = "runtime"
 """Group of the file with the columns that differ from run to run: times, ranks and hosts."""
 
@@ -323,6 +327,20 @@ COLUMNS: tuple[Column, ...] = (
     Column("load", "f8", "1", _LOAD, optional="a `[load]` other than Delta"),
     _column(DELTA),
     Column("hardness", "f8", "MPa", _HARDNESS, optional="a range of `contact.hardness`"),
+    Column(
+        LAYER_THICKNESS,
+        "f8",
+        "um",
+        "thickness of the layer",
+        optional="a range of `contact.layer.thickness`",
+    ),
+    Column(
+        LAYER_MODULUS,
+        "f8",
+        "MPa",
+        "Young's modulus of the layer",
+        optional="a range of `contact.layer.modulus`",
+    ),
     *TABLE_1,
     *(_column(quantity) for quantity in _RESULTS if quantity.stored != "asked"),
     Column("iterations", "i4", "1", "iterations of the solver"),

@@ -1,7 +1,7 @@
 """Rough surfaces from a power spectrum: self-affine, periodic, with random phases."""
 
 import math
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,6 +235,8 @@ OR_DRAWN = ", [low, high] or a distribution of these"
 
 class SpectralSurface(GridSurface):
     """Self-affine surfaces with a given power spectrum and random phases."""
+
+    ON_ANY_GRID: ClassVar[bool] = True
 
     generator: Literal["spectral"]
     hurst: Hurst = Field(default=0.8, description=f"a number from 0 to 1{OR_DRAWN}")

@@ -135,6 +135,10 @@ class GeneratedSurface(Table):
     """Meanings of the columns that say where each surface was cut out of a larger one, by the names
     of the columns. The mapping is empty for generators that do not cut surfaces out."""
 
+    ON_ANY_GRID: ClassVar[bool] = False
+    """Whether the surfaces have the same waves on every grid that `fault_on` allows. If they have
+    not, they are made on their own nodes and read on fewer where a scene asks for an error."""
+
     FOLLOWS_MAPS: ClassVar[bool] = False
     """Whether the surfaces follow from measured maps. A patch is then mirrored by default, the grid
     is known only when a run has found the maps, and a scene has to give its loads."""
@@ -274,6 +278,16 @@ class GeneratedSurface(Table):
         -------
         str
             The reason, and advice on what to change; "" if all surfaces can be made.
+        """
+        return ""
+
+    def fault_of_accuracy(self) -> str:
+        """Say why no grid gives contacts of these surfaces within an error, whatever it is.
+
+        Returns
+        -------
+        str
+            The reason, and advice on what to change; "" if there may be such a grid.
         """
         return ""
 
@@ -614,6 +628,13 @@ class DisplacedSurface(GridSurface):
         """
         nodes = self.nodes if boundary == "free" else self.nodes - 1
         return Patch(nodes=(nodes, nodes), sides=(self.side, self.side))
+
+    def fault_of_accuracy(self) -> str:
+        """Say that every finer grid has shorter waves; see `GeneratedSurface`."""
+        return (
+            f"'{self.generator}' adds shorter waves on every finer grid, so that the area has no"
+            " limit: give generator = 'spectral' with a cut_off, or leave out [accuracy]"
+        )
 
     def heights(
         self, grid: Grid, surface: int, parameters: Parameters, random: Random

@@ -171,6 +171,8 @@ def read(
         blocks=request.blocks,
         load=load,
     )
+    for part in parts:
+        _require_one_layer(part)
     if len(parts) > 1:
         _require_compatible(parts, scaled=features.scaled)
     if features.needs_surface:
@@ -398,6 +400,9 @@ class Selection:
         # then keeps its unit.
         if any(part.targets[number].powers != powers for part in parts):
             powers = None
+        # A layer has a thickness of its own, so that answers do not scale with E* and lengths.
+        if any(part.scene.contact.layer is not None for part in parts):
+            powers = None
         databases = [self._usable(part, number, powers) for part in parts]
         dropped = Counter[str]()
         for database in databases:
@@ -577,6 +582,16 @@ def _require_usable(
         )
 
 
+def _require_one_layer(part: Stored) -> None:
+    """Refuse a database that draws a layer for each sample, which no feature describes."""
+    layer = part.scene.contact.layer
+    if layer is not None and layer.drawn:
+        raise InputError(
+            f"{part.path}: draws its layers, which no feature describes: surrogates hold for one"
+            " layer; give contact.layer one thickness and one modulus"
+        )
+
+
 def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
     """Refuse databases that one surrogate cannot describe, and databases that are given twice.
 
@@ -612,7 +627,10 @@ def _common_settings(scene: Scene, *, scaled: bool) -> dict[str, Any]:
         "contact.far_field": contact.far_field,
         "contact.spacing": contact.spacing,
         "surface.side (x over y)": float(f"{along / across:.3g}"),
+        "contact.layer": contact.layer_text or "none",
     }
+    if contact.layer is not None:
+        scaled = False  # predictions hold for their own layer
     if not scaled:
         common["contact.hardness"] = "given"
         if contact.hardness_limits is None:

@@ -267,23 +267,6 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     assert "sizes [2, 1]" in capsys.readouterr().err
 
 
-@pytest.mark.long
-def test_multilevel_finds_the_mean_of_the_finest_grid():
-    main = example("multilevel")
-    mean, error, _ = main(
-        ["quick", "--nodes", "17,33", "--output", "force", "--error", "400"]
-    )
-    function, timed = (
-        asperity.SceneFunction("quick", ["force"]),
-        main.__globals__["timed"],
-    )
-    plain, _ = timed(function, load("quick"), 5000, 5300, 33)
-    assert mean == pytest.approx(
-        plain.mean(), abs=3 * np.hypot(error, plain.std() / 300**0.5)
-    )
-    assert error == pytest.approx(400, rel=0.3)
-
-
 PRESSED = """samples = 100
 [surface]
 generator = "spectral"
@@ -374,6 +357,10 @@ CLAIMS = {
     "spots": lambda it: it["heavy"].spots.gap_connects == (False, False),
     "spectrum": lambda it: it["hurst"] == pytest.approx(0.8, abs=0.01),
     "theory": lambda it: it["PERSSON"] < it["kappa"] < it["BUSH_GIBSON_THOMAS"],
+    "layers": lambda it: (
+        np.ravel([*it["largest"].values()])
+        == pytest.approx([72.3, 84.0, 21.1, 42.5], abs=0.1)
+    ),
     "refinement": lambda it: (np.diff(it["elastic_area"]) < 0).all(),
 }
 """What each example finds, by its names."""

@@ -18,9 +18,6 @@ ENOUGH_CONTACTS = 30
 ALONE = {"area": "alone", "all": "with the others"}
 """How an answer was asked for, in words, by the column `asked_for`."""
 
-LIGHT = 0.05
-"""Mean pressure at which other solvers are judged [E* times the rms slope]."""
-
 JUDGED = 1.0
 """Error of the area at which other solvers are judged [%]."""
 
@@ -144,11 +141,7 @@ def _shares_of_kinds(bars: Sequence[Row]) -> list[float]:
 
 def _of_peers(ratios: Sequence[Row]) -> list[Row]:
     """Return the promises about other solvers, of which the fastest one is judged."""
-    judged = [
-        row
-        for row in ratios
-        if row["pressure"] == LIGHT and row["within_percent"] == JUDGED
-    ]
+    judged = [row for row in ratios if row["within_percent"] == JUDGED]
     table = []
     for kind, least in (("measured", 30.0), ("extrapolated", 100.0)):
         times = [row[f"{kind}_times_ours"] for row in judged]

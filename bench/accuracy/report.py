@@ -42,7 +42,7 @@ def accuracy(
     contacts : int
         Contacts of each kind in study `asked`.
     surfaces : int
-        Surfaces of each number of waves and pressure in study `times`.
+        Surfaces of each number of waves in study `times`.
     waves : sequence of int
         Periods of the shortest wave on a side in study `times`.
     largest : int

@@ -2,7 +2,7 @@
 
 A surface is a function of places, so that it can be read on any grid: on the map that a user would
 have, and on the finer grid that gives the true answers. Its random numbers have seeds of their own.
-The bars of `bem` were calibrated on other seeds, and on six of these kinds only.
+The weights of the bars of `bem` were fitted on other seeds.
 """
 
 import math
@@ -28,7 +28,7 @@ from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 
-NODES = (64, 96, 128, 160, 192)
+NODES = (64, 96, 128, 144)
 """Nodes a side of the maps that are given."""
 
 FEWEST_IN_WAVE = 4.0
@@ -46,7 +46,7 @@ FINER = 4
 CREASES_FINER = 8
 """The same of surfaces with creases, on which errors fall more slowly with the spacing."""
 
-FINEST = 768
+FINEST = 576
 """Most nodes a side of an exact grid; such a grid is at least three times as fine as its map."""
 
 MARGIN = 4

@@ -8,7 +8,7 @@ large to be solved here, its nodes and its time are extrapolated, and the row sa
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from statistics import geometric_mean, median
@@ -35,8 +35,8 @@ ERRORS = (0.03, 0.01, 0.003)
 ASKED = (0.1, *ERRORS)
 """Errors that our way is asked for; the first one is only for the picture."""
 
-PRESSURES = (0.05, 0.2)
-"""Mean pressures [E* times the rms slope]."""
+PRESSURE = 0.05 * SLOPE
+"""Mean pressure on all surfaces, a twentieth of E* times the rms slope [MPa]."""
 
 HURST = (0.8, 0.4)
 """Hurst exponents, which take turns from surface to surface [1]."""
@@ -114,27 +114,24 @@ class Solved:
 
 @dataclass(frozen=True)
 class Rough:
-    """A self-affine surface without edges under a mean pressure, and its area on a fine grid.
+    """A self-affine surface without edges under `PRESSURE`, and its area on a fine grid.
 
     Its side is 1 um, and E* is 1 MPa.
     """
 
     waves: int  # periods of the shortest wave on a side
-    pressure: float  # mean pressure [E* times rms slope]
     number: int  # number of the surface
     surface: Surface
     true_area: float  # [%]
 
     @classmethod
-    def drawn(cls, waves: int, pressure: float, number: int) -> "Rough":
+    def drawn(cls, waves: int, number: int) -> "Rough":
         """Draw the surface of a number, and solve it on the fine grid.
 
         Parameters
         ----------
         waves : int
             Periods of the shortest wave on a side.
-        pressure : float
-            Mean pressure [E* times rms slope].
         number : int
             Number of the surface.
 
@@ -146,8 +143,7 @@ class Rough:
         random = np.random.default_rng((7303, waves, number))
         surface = random_waves(1, waves, HURST[number % len(HURST)], random)
         fine = surface(places(TRUTH_IN_WAVE * waves, "periodic"))
-        exact = _pressed(fine, pressure)
-        return cls(waves, pressure, number, surface, exact.continuum_area_percent)
+        return cls(waves, number, surface, _pressed(fine).continuum_area_percent)
 
     def heights(self, in_wave: int) -> Heights:
         """Return the heights on a grid.
@@ -175,11 +171,9 @@ class Rough:
         return area / self.true_area - 1
 
 
-def _pressed(heights: Heights, pressure: float) -> bem.Contact:
-    """Press a periodic surface by a mean pressure [E* times rms slope] on one thread."""
-    return bem.solve(
-        heights, 1.0, pressure=pressure * SLOPE, boundary="periodic", threads=1
-    )
+def _pressed(heights: Heights) -> bem.Contact:
+    """Press a periodic surface by `PRESSURE` on one thread."""
+    return bem.solve(heights, 1.0, pressure=PRESSURE, boundary="periodic", threads=1)
 
 
 def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]:
@@ -199,7 +193,7 @@ def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]
     Returns
     -------
     list of Row
-        A row for each way, surface, pressure and grid. In column `row`, "grid" is a grid that was
+        A row for each way, surface and grid. In column `row`, "grid" is a grid that was
         solved, "default" what a way gives by default, and "extrapolated" a larger grid. Column
         `within_percent` has the errors of `ERRORS` of which this is the coarsest grid.
     """
@@ -207,15 +201,15 @@ def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]
     for package, install in missing(peers).items():
         remark(f"{package} is not installed and left out: {install}")
     rows: list[Row] = []
-    for number_of_waves, pressure, number in product(waves, PRESSURES, range(surfaces)):
-        rough = Rough.drawn(number_of_waves, pressure, number)
+    for number_of_waves, number in product(waves, range(surfaces)):
+        rough = Rough.drawn(number_of_waves, number)
         rows += _rows_of_surface(rough, installed(peers), largest)
-        remark(f"{number_of_waves} waves, p = {pressure:g} E* h', surface {number}")
+        remark(f"{number_of_waves} waves, surface {number}")
     return rows
 
 
 def _rows_of_surface(rough: Rough, peers: Sequence[Solver], largest: int) -> list[Row]:
-    """Return the rows of one surface under one pressure.
+    """Return the rows of one surface.
 
     Our way takes a turn after each grid of the others, so that slow seconds of the machine are
     shared.
@@ -255,7 +249,6 @@ def _row(
         times = solved.seconds / ours.solved[within].seconds
     return {
         "waves": rough.waves,
-        "pressure": rough.pressure,
         "surface": rough.number,
         "way": way,
         "row": kind,
@@ -293,7 +286,7 @@ class _Ours:
             self._map,
             1.0,
             asked,
-            pressure=self._rough.pressure * SLOPE,
+            pressure=PRESSURE,
             boundary="periodic",
             threads=1,
         )
@@ -322,20 +315,19 @@ class _Ours:
             _row(self._rough, OURS, "grid", solved, within=asked, ours=self)
             for asked, solved in self.solved.items()
         ]
-        contact = _pressed(self._map, self._rough.pressure)
-        area = contact.continuum_area_percent
+        area_by_default = partial(_area_by_default, self._map)
         default = Solved(
             nodes=len(self._map),
-            seconds=timed(partial(_area_by_default, self._map, self._rough.pressure)),
-            error=self._rough.error(area),
+            seconds=timed(area_by_default),
+            error=self._rough.error(area_by_default()),
         )
         rows.append(_row(self._rough, OURS, "default", default, ours=self))
         return rows
 
 
-def _area_by_default(heights: Heights, pressure: float) -> float:
+def _area_by_default(heights: Heights) -> float:
     """Return the area in the continuum that `bem.solve` gives by default [%]."""
-    return _pressed(heights, pressure).continuum_area_percent
+    return _pressed(heights).continuum_area_percent
 
 
 @dataclass(frozen=True)
@@ -350,13 +342,13 @@ class _Grid:
     def solved(cls, rough: Rough, in_wave: int) -> "_Grid":
         """Solve a grid of a surface, with so many nodes in the shortest wave, by `bem.solve`."""
         heights = rough.heights(in_wave)
-        contact = _pressed(heights, rough.pressure)
+        contact = _pressed(heights)
         case = Case(
             name=f"{rough.waves} waves",
             heights=heights,
             side=1.0,
             delta=contact.delta,
-            load=rough.pressure * SLOPE,
+            load=PRESSURE,
         )
         return cls(case, rough.error(contact.area_percent), contact.contact_nodes)
 
@@ -377,29 +369,24 @@ class _Peer:
     def take_grid(self, grid: _Grid) -> None:
         """Find the tolerance on a grid and time the solver; nothing if no tolerance will do."""
         while self._ladder:
-            tolerance = self._ladder[0]
             try:
-                solved = self._timed(grid, tolerance)
+                solved = self._solve(grid, self._ladder[0])
             except Failure as failure:
                 remark(f"{self._solver.name}, {grid.case.nodes} nodes: {failure}")
                 return
-            changed = abs(solved.error - grid.error)
-            if changed <= SHARE * abs(grid.error):
-                self._solved.append(solved)
+            if abs(solved.error - grid.error) <= SHARE * abs(grid.error):
+                self._solved.append(self._timed_again(grid, solved))
                 return
             self._ladder.pop(0)
 
-    def _timed(self, grid: _Grid, tolerance: float) -> Solved:
-        """Solve a grid with a tolerance, and time it; raise Failure if the solver fails.
+    def _solve(self, grid: _Grid, tolerance: float) -> Solved:
+        """Solve a grid with a tolerance; raise Failure if the solver fails.
 
-        A solve that takes longer than `PATIENCE` is timed once, others again without what their
-        first solve sets up.
+        The time may contain what the first solve on a grid sets up.
         """
         began = time.process_time()
         answer = self._solver.solve(grid.case, tolerance)
         seconds = time.process_time() - began
-        if seconds < PATIENCE:
-            seconds = timed(partial(self._solver.solve, grid.case, tolerance))
         touching = int(np.count_nonzero(answer.pressure > 0))
         area = 100 * touching / answer.pressure.size
         return Solved(
@@ -408,6 +395,13 @@ class _Peer:
             error=self._rough.error(area),
             tolerance=tolerance,
         )
+
+    def _timed_again(self, grid: _Grid, solved: Solved) -> Solved:
+        """Return a solution with the time of further solves, unless it took over `PATIENCE`."""
+        if solved.seconds > PATIENCE or solved.tolerance is None:
+            return solved
+        solve = partial(self._solver.solve, grid.case, solved.tolerance)
+        return replace(solved, seconds=timed(solve))
 
     def rows(self, ours: _Ours) -> list[Row]:
         """Return a row for each grid, and for each error one of its coarsest grid.
@@ -442,7 +436,7 @@ class _Peer:
         """Return the row of the solver's default tolerance on the map; none if it fails."""
         name = self._solver.name
         try:
-            solved = self._timed(grid, DEFAULTS[name])
+            solved = self._timed_again(grid, self._solve(grid, DEFAULTS[name]))
         except Failure as failure:
             remark(f"{name} by default: {failure}")
             return []
@@ -489,18 +483,18 @@ def ratios(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each pressure, error and solver: the number of surfaces on which its grid was
+        A row for each error and solver: the number of surfaces on which its grid was
         measured and on which it was extrapolated, the geometric means of nodes and of times over
         ours of both. A mean over no surface is None.
     """
-    groups: dict[tuple[float, float, str], list[Row]] = {}
+    groups: dict[tuple[float, str], list[Row]] = {}
     for row in rows:
         if row["row"] in NEEDED and row["times_ours"]:
-            key = (row["pressure"], row["within_percent"], row["way"])
+            key = (row["within_percent"], row["way"])
             groups.setdefault(key, []).append(row)
     return [
-        {"pressure": pressure, "within_percent": within, "way": way, **_ratio(group)}
-        for (pressure, within, way), group in sorted(groups.items())
+        {"within_percent": within, "way": way, **_ratio(group)}
+        for (within, way), group in sorted(groups.items())
     ]
 
 
@@ -522,7 +516,7 @@ def _mean(values: Iterable[float]) -> float | None:
 
 
 def curves(rows: Sequence[Row]) -> list[Row]:
-    """Return error and time of each way, as geometric means over surfaces.
+    """Return error and time of each way, as means over surfaces.
 
     Parameters
     ----------
@@ -532,9 +526,9 @@ def curves(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each pressure, number of waves, way and grid (for our way: each error asked for)
-        with the time, the size of the error, and both of them by default. Grids that not all
-        surfaces have are left out.
+        A row for each number of waves, way and grid (for our way: each error asked for) with the
+        geometric means of the time, of the size of the error, and of both of them by default. Grids
+        that not all surfaces have are left out.
     """
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -542,18 +536,17 @@ def curves(rows: Sequence[Row]) -> list[Row]:
             setting = row["within_percent"] or row["nodes_in_wave"]
             if row["row"] == "default":
                 setting = "default"
-            key = (row["waves"], row["pressure"], row["way"], setting)
+            key = (row["waves"], row["way"], setting)
             groups.setdefault(key, []).append(row)
     surfaces = 1 + max((row["surface"] for row in rows), default=0)
     points = []
-    for (waves, pressure, way, setting), group in groups.items():
-        defaults = groups.get((waves, pressure, way, "default"))
+    for (waves, way, setting), group in groups.items():
+        defaults = groups.get((waves, way, "default"))
         if setting == "default" or defaults is None or len(group) < surfaces:
             continue
         points.append(
             {
                 "waves": waves,
-                "pressure": pressure,
                 "way": way,
                 **_means(group),
                 **{f"default_{name}": value for name, value in _means(defaults).items()},

@@ -219,11 +219,10 @@ def solved(scene: Scene, names: tuple[str, ...], points: int, surfaces: int) -> 
         for name in names:
             numbers[name].append(of_point[name])
         at_point = scene.with_parameters(drawn, seed=SEED + 1 + point)
+        loads: dict[str, Any] = {load: load_value}
         for number in range(surfaces):
             heights = surface_numbered(at_point, number)
-            contact = solve_contact(
-                at_point, heights, hardness=hardness, **{load: load_value}
-            )
+            contact = solve_contact(at_point, heights, hardness=hardness, **loads)
             for column in RESULTS:
                 results[column].append(getattr(contact, column))
     return Solved(

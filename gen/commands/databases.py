@@ -88,10 +88,11 @@ def _require_sample_limit(seconds: float | None) -> None:
 def _print_plan(scene: str, output: Path) -> None:
     """Print what a run of a scene, named or in a TOML file, would compute and write to `output`."""
     from gen.commands import printer
-    from gen.generation.completion import completed
-    from gen.scene import load
+    from gen.generation.completion import completed, load_scene, recorded_scene
 
-    printer.print_plan(completed(load(scene)), output)
+    loaded = load_scene(scene)
+    recorded = recorded_scene(output, loaded)
+    printer.print_plan(completed(loaded, recorded=recorded, watched=True), output)
 
 
 def _print_result(result: "RunResult", output: Path) -> None:
@@ -123,12 +124,11 @@ def estimate(
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
-    from gen.generation.completion import completed
+    from gen.generation.completion import completed, load_scene
     from gen.generation.forecast import measured_time
     from gen.runtime.memory import format_bytes
-    from gen.scene import load
 
-    completed_scene = completed(load(scene))
+    completed_scene = completed(load_scene(scene), watched=True)
     measured = measured_time(completed_scene)
     printer.print_plan(completed_scene)
     # Of several ranks, rank 0 is the master and computes nothing.

@@ -112,7 +112,13 @@ def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
     heights = surface_of(scene, plan, 0)
     load = absolute_load(scene, heights, float(plan.load[0]))
     hardness = plan.hardness_of(0)
-    contact = solve_contact(scene, heights, hardness=hardness, **{load.kind: load.value})
+    contact = solve_contact(
+        scene,
+        heights,
+        hardness=hardness,
+        layer=plan.layer_of(0),
+        **{load.kind: load.value},
+    )
     surface_title = _title_of_surface(scene, row, plan.parameters_of(0))
     contact_title = _title_of_contact(scene, contact)
     # A narrow map is centred in its half of the picture. Its title begins at its left side, so that

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.material import LAYER_COLUMNS
 from gen.quantities import QUANTITIES
 from gen.runtime.memory import format_bytes
 from gen.runtime.terminal import echo, print_columns
@@ -63,6 +64,7 @@ def print_database(reader: Reader) -> None:
         _print_times(reader)
     for doubt in doubts_after(reader):
         echo(f"  warning: {doubt}")
+    _print_accuracy(reader.scene)
     for line in _scene_lines(json.loads(reader.scene.text())):
         echo(f"  scene     {line}")
     _print_origin(reader)
@@ -160,12 +162,19 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
 
     echo(_plan_of_surfaces(scene))
     _print_plan_of_loads(scene)
+    _print_accuracy(scene)
     for doubt in doubts_before(scene, scene.samples):
         echo(f"  warning: {doubt}")
     echo(f"  file      {format_bytes(file_bytes(scene, scene.samples))}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
         echo(f"  output    {path} {state}; nothing was written")
+
+
+def _print_accuracy(scene: Scene) -> None:
+    """Print the accuracy of a scene with the grid that a trial has found; nothing without one."""
+    for number, line in enumerate(scene.report_of_accuracy()):
+        echo(f"  {'' if number else 'accuracy':<9} {line}")
 
 
 def _plan_of_surfaces(scene: Scene) -> str:
@@ -201,13 +210,16 @@ def _print_plan_of_loads(scene: Scene) -> None:
         if high != low:
             hardness += f" to {high:.4g}"
         echo(f"  hardness  {hardness} MPa")
+    if scene.contact.layer is not None:
+        echo(f"  layer     {scene.contact.layer_text}")
 
 
 def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
     """Return lines that show a scene (values by key, tables as dictionaries).
 
     The first line has the keys outside of tables. Each table has a line with its keys, and a line
-    for each map that it lists. The title is left out, because a report begins with it.
+    for each map that it lists. The title is left out, because a report begins with it, and so is
+    the trial of an accuracy, which has lines of its own.
     """
     tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
     keys_outside = {
@@ -232,7 +244,7 @@ def _map_lines(table: Mapping[str, Any]) -> list[str]:
     """Return a line about each map that a table of a scene lists under the keys `MAPS`."""
     lines = []
     for key, noun in MAPS.items():
-        if key not in table:
+        if "maps" not in table.get(key, {}):
             continue
         if "maps" not in table[key]:  # the population of surfaces like maps
             lines.append(f"  population: SHA-256 {table[key]['sha256'][:12]}...")
@@ -404,6 +416,7 @@ def _print_law(fit: SelfAffineFit) -> None:
 COLUMNS_OF_FILES = {
     *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
     "modulus_MPa",
+    *LAYER_COLUMNS,
     "boundary",
     "hardness_MPa",
     "residual",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,14 +12,14 @@ import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
-from gen.material import Bodies, Friction, Gas, require_within, shear_shares
+from gen.material import Bodies, Friction, Gas, Layer, require_within, shear_shares
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
 from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:  # each command imports no more than it needs
-    from gen.law import Order
+    from gen.law import Law, Order
 
 
 @grouped
@@ -86,6 +88,7 @@ def contact(
     force: options.NormalForce = "",
     pressure: options.Pressure = "",
     material: options.Material,
+    layer: options.Layer,
     reading: Reading,
     facing: options.Against,
     boundary: options.Boundary = "free",
@@ -111,6 +114,9 @@ def contact(
     The contact area is printed twice: as a share of the nodes, and in the continuum, with the error
     of the grid. The options --spots, --flow, --stiffness and --conductivity add the spots of
     contact, the flow of a fluid through the gap, the stiffness and the conductance.
+
+    With --layer-thickness the first elastic body has a layer; --young and --poisson are those of
+    what it lies on.
 
     With --friction two like bodies are sheared: their stiffness before slip along x and y, and with
     --shear the shift, the area that sticks, and the energy that a cycle loses.
@@ -156,7 +162,9 @@ def contact(
         command=recorded_command_line(context, "gen"),
     )
     files.check(_input_files(surfaces, facing))
-    bodies = Bodies.of(*material)
+    bodies = _bodies(material, layer)
+    if bodies.layered is not None:
+        _refuse_with_layer(context)
     order = PressingOrder(
         reading=reading,
         boundary=boundary,
@@ -175,7 +183,7 @@ def contact(
         ),
         bodies=bodies,
         settings={
-            "modulus": bodies.e_star,
+            **_elastic_settings(bodies),
             "hardness": bodies.hardness,
             **settings,
         },
@@ -199,6 +207,47 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     if not values:
         return None
     return require_conductivities(values)
+
+
+def _bodies(material: options.Material, layer: options.Layer) -> Bodies:
+    """Return the bodies of the options; raise InputError if the options do not go together."""
+    bonded = Layer.of(*layer)
+    if bonded is None:
+        return Bodies.of(*material)
+    return Bodies.with_layer(bonded, *material)
+
+
+def _elastic_settings(bodies: Bodies) -> dict[str, Any]:
+    """Return the arguments of `bem.solve` about the elastic material of bodies."""
+    if bodies.layered is None:
+        return {"modulus": bodies.e_star}
+    return {"body": bodies.layered.body}
+
+
+NOT_WITH_LAYER = {
+    "kernel": ("uniform-pressure", "the other one is that of a half-space"),
+    "far_field": ("rigid", "the other one is that of a half-space"),
+    "conductivity": (
+        None,
+        "the conductance follows from the stiffness on half-spaces only",
+    ),
+    "error": ("", "answers within an error are those of half-spaces"),
+    "friction": (None, "partial slip follows from normal contacts on half-spaces only"),
+}
+"""Options that a layer refuses, by their parameters: the value that is allowed, and the reason."""
+
+
+def _refuse_with_layer(context: typer.Context) -> None:
+    """Refuse the options of `gen contact` that do not go with a layer."""
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if name not in NOT_WITH_LAYER:
+            continue
+        allowed, reason = NOT_WITH_LAYER[name]
+        if (context.params[name] or allowed) != allowed:
+            raise InputError(
+                f"{parameter.opts[0]}: leave it out with --layer-thickness: {reason}"
+            )
 
 
 def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:
@@ -276,6 +325,7 @@ def law(
     surfaces: options.Population = 50,
     band: options.Band = 0.9,
     accuracy: options.Accuracy,
+    time_limit: options.TimeLimit = None,
     flow: options.Flow = False,
     also: options.Also = None,
     output: options.LawFiles = None,
@@ -283,7 +333,7 @@ def law(
     files: options.LawOutputs,
     reading: Reading,
     facing: options.Against,
-) -> None:
+) -> int:
     """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
 
     The solver presses one surface, or each surface of a population. The tables of a population hold
@@ -295,10 +345,13 @@ def law(
     With --error each load of each surface is solved on fewer nodes, as many as the error needs, and
     the files say which errors were asked for and are met.
 
+    With --error and a scene the means over its population have these errors. The number of surfaces
+    on each of several grids follows from the error.
+
     With --friction two like bodies are sheared: stiffness before slip and elastic slip along x and
     y, and the shift and the loss of a cycle at 20, 40, 60 and 80 % of the sliding force.
     """
-    from gen.law import Order, by_solver
+    from gen.law import Order
     from gen.law.files import show, write_files
     from gen.law.order import require_also
     from gen.law.surfaces import files_read
@@ -333,12 +386,46 @@ def law(
         between=files.refined_tables,
         straight=files.straight_lines,
         command=recorded_command_line(context, "gen"),
+        both_tables=any((files.table, files.json, files.header)),
     )
     _refuse_stick_pressure(order)
-    contact_law = by_solver(order)
+    contact_law, signal = _made(order, context, time_limit)
     show(contact_law)
+    if signal:
+        echo("interrupted: no file is written", err=True)
+        return 128 + signal
     for path in write_files(contact_law, files, figure):
         echo(f"wrote {path}")
+    return 0
+
+
+def _made(
+    order: Order, context: typer.Context, time_limit: float | None
+) -> tuple[Law, int]:
+    """Make a law; return it, and the signal that has stopped the means of a population, or 0.
+
+    `time_limit` is the value of --time-limit [s]. Raises InputError for options that do not go with
+    the error of means.
+    """
+    from gen.law import by_means, by_solver
+    from gen.law.surfaces import has_scene
+    from gen.runtime.farm import Interruption
+
+    if order.errors is None or not has_scene(order.inputs):
+        if time_limit is not None:
+            raise InputError(
+                "--time-limit: needs --error and a scene, whose means it stops"
+            )
+        return by_solver(order), 0
+    options.refuse(context, options.NOT_WITH_MEANS)
+    if time_limit is not None and not 0 < time_limit < math.inf:
+        raise InputError(f"--time-limit {time_limit:g}: give a number of seconds above 0")
+    end = time.monotonic() + (time_limit or math.inf)
+    with Interruption(listening=True) as interruption:
+        contact_law = by_means(
+            order, lambda: interruption.requested() or time.monotonic() > end
+        )
+        return contact_law, interruption.signal
 
 
 @grouped

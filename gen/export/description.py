@@ -154,6 +154,8 @@ def summary(reader: Reader) -> str:
     along_x, along_y = scene.grid.sides
     is_elastic = scene.contact.hardness_limits is None
     bodies = "elastic bodies" if is_elastic else "bodies that yield"
+    if scene.contact.layer is not None:
+        bodies += f" with a layer of {scene.contact.layer_text},"
     return (
         f"Contact of rough surfaces, solved by the boundary-element method: {bodies} pressed onto"
         f" {PATCHES[scene.contact.boundary]} of {nx} x {ny} nodes, {along_x:g} x {along_y:g} um,"

@@ -278,7 +278,8 @@ def _rules_of_finite_numbers(chunk: _Chunk) -> Iterator[_Violation]:
 def _infinite_at_full_contact(scene: Scene) -> set[str]:
     """Return the names of the quantities that are infinite at full contact of a scene's patches."""
     contact = scene.contact
-    # Only grid, boundary, kernel and far field decide: a flat surface without load is enough.
+    # Only grid, boundary, kernel, far field and what a layer lies on decide: a flat surface without
+    # load is enough.
     problem = pose(
         np.zeros(scene.grid.shape),
         scene.grid.sides,
@@ -288,6 +289,7 @@ def _infinite_at_full_contact(scene: Scene) -> set[str]:
         boundary=contact.boundary,
         kernel=contact.kernel,
         far_field=contact.far_field,
+        body=contact.body({}),
     )
     return {
         quantity.name

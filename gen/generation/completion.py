@@ -8,40 +8,27 @@ surrogates scale it.
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
+from tempfile import TemporaryDirectory
 
 import bem
 from gen.arrays import Heights
 from gen.distribution import limits
+from gen.generation.accuracy import with_accuracy
 from gen.generation.outputs import FunctionOutput, call_function, outputs_for_row
 from gen.generation.plan import parameters
-from gen.generation.sample import absolute_load, settings_of, surface_of
+from gen.generation.sample import UNSOLVED, absolute_load, settings_of, surface_of
 from gen.generators.function import PythonSurface
 from gen.quantities import LOADS, PRESSURE, PURE, Powers
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.user_code import load_function, source_hash
-from gen.scene import Scene, require_distinct_names
+from gen.scene import Scene, load, require_distinct_names
 
 TRIED_ROWS = 16
 """Number of first rows among which a row with a solution is looked for, to try a function on it."""
-
-UNSOLVED = (
-    ArithmeticError,
-    np.linalg.LinAlgError,
-    InputError,
-    bem.NoSolution,
-    bem.NotConverged,
-)
-"""Exceptions that say that a surface cannot be made, or that a contact is not solved.
-
-They include SourceError, which is an InputError. Where an error of the user's function has to end
-the run, an `except SourceError` comes before the one for these.
-"""
 
 DOUBLED = (
     Powers(heights=1, lengths=0, modulus=0),
@@ -73,6 +60,7 @@ class SampleProblem:
     heights: Heights  # heights of its surface [um], shape (nx, ny)
     load: float  # load in the scene's quantity, which need not be the planned one
     hardness: float | None  # hardness of the softer body [MPa]; None for elastic bodies
+    layer: Mapping[str, float]  # drawn numbers of the layer, from `Plan.layer_of`
 
     def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
@@ -98,10 +86,13 @@ class SampleProblem:
         bem.NotConverged
             If the solver needs more iterations than the scene allows.
         """
-        settings = settings_of(self.scene, self.hardness)
+        settings = settings_of(self.scene, self.hardness, self.layer)
         if settings["hardness"] is not None:
             settings["hardness"] *= _doubling(PRESSURE.powers, doubled)
-        settings["modulus"] *= 2.0**doubled.modulus
+        if "body" in settings:
+            settings["body"] = _enlarged(settings["body"], doubled)
+        else:
+            settings["modulus"] *= 2.0**doubled.modulus
         stretch = 2.0**doubled.lengths  # factor of all lengths along the surface
         settings["spacing"] = tuple(stretch * step for step in settings["spacing"])
         load = absolute_load(self.scene, self.heights, self.load)
@@ -109,6 +100,20 @@ class SampleProblem:
         side_x, side_y = self.scene.grid.sides  # [um]
         sides = (stretch * side_x, stretch * side_y)
         return bem.solve(self.heights * 2.0**doubled.heights, sides, **settings)
+
+
+def _enlarged(body: bem.Layered, doubled: Powers) -> bem.Layered:
+    """Return a layered body with lengths or all moduli at twice their size."""
+    stiffer = 2.0**doubled.modulus
+    base = body.base
+    if isinstance(base, bem.HalfSpace):
+        base = replace(base, modulus=stiffer * base.modulus)
+    return replace(
+        body,
+        thickness=2.0**doubled.lengths * body.thickness,
+        modulus=stiffer * body.modulus,
+        base=base,
+    )
 
 
 def _doubling(powers: Powers | None, doubled: Powers) -> float:
@@ -126,19 +131,77 @@ def _doubling(powers: Powers | None, doubled: Powers) -> float:
     return 2.0**exponent
 
 
+def load_scene(name: str) -> Scene:
+    """Read the scene of a run.
+
+    Parameters
+    ----------
+    name : str
+        Name of a preset, or path of a scene's TOML file or of a database (`.h5`), whose recorded
+        scene is taken.
+
+    Returns
+    -------
+    Scene
+        The scene.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene, or the file cannot be used.
+    """
+    if Path(name).suffix.lower() != ".h5":
+        return load(name)
+    from gen.database import Reader  # here, because few runs begin with a database
+
+    with Reader(Path(name)) as reader:
+        return reader.scene
+
+
+def recorded_scene(path: Path, scene: Scene) -> Scene | None:
+    """Return the scene that a database has recorded, if a run has to know it.
+
+    Parameters
+    ----------
+    path : Path
+        The database, which need not exist.
+    scene : Scene
+        The scene of the run.
+
+    Returns
+    -------
+    Scene or None
+        The recorded scene; None if there is no database, or the scene asks for no accuracy.
+
+    Raises
+    ------
+    InputError
+        If the file is no database.
+    """
+    if scene.accuracy is None or not path.exists():
+        return None
+    from gen.database import Reader  # here, because few scenes ask for an accuracy
+
+    with Reader(path) as reader:
+        return reader.scene
+
+
 def completed(
     scene: Scene,
     home: Path | None = None,
     *,
     rehearsed: bool = False,
     limit: float | None = None,
+    recorded: Scene | None = None,
+    watched: bool = False,
 ) -> Scene:
     """Complete a scene with everything that its database records, and load the user's functions.
 
     The hashes of the files and functions that the scene names are added. If the scene has a
     function but no list of outputs, the function is called for the first row that has a solution,
-    and the outputs that it returns are added. The result depends on the scene and the sources of
-    its functions only.
+    and the outputs that it returns are added. If the scene asks for an accuracy, the grid that a
+    trial finds is added, see `gen.generation.accuracy`. The result depends on the scene and the
+    sources of its functions only.
 
     Parameters
     ----------
@@ -153,6 +216,12 @@ def completed(
         outputs are measured and added to the scene.
     limit : float, optional
         Largest time of a trial: making surfaces, solving contacts and calling the function [s].
+        Of the trial for an accuracy it is the largest time of each contact.
+    recorded : Scene, optional
+        The scene of the database if there is one already. The grid for an accuracy is taken from
+        there, and no trial is made.
+    watched : bool
+        Whether the progress of the trial for an accuracy is printed on standard error.
 
     Returns
     -------
@@ -163,11 +232,15 @@ def completed(
     ------
     InputError
         If the scene names a file that is missing, if a parameter or an output has the name of
-        something else, or if the outputs stay unknown.
+        something else, if the outputs stay unknown, or if no grid gives the accuracy.
     SourceError
         If a function of the user's fails or is not trusted. It is a kind of InputError.
     """
     require_distinct_names(scene)
+    if recorded is not None:
+        scene = scene.with_accuracy_of(recorded)
+    elif scene.needs_trial:
+        scene = _with_accuracy(scene, limit, watched=watched)
     scene = scene.resolved(home)
     function = scene.store.function
     if isinstance(scene.surface, PythonSurface):
@@ -189,6 +262,20 @@ def completed(
         powers = measured_powers(scene, limit)
         scene = _storing(scene, powers=powers or None)  # an empty table is left out
     return scene
+
+
+def _with_accuracy(scene: Scene, limit: float | None, *, watched: bool) -> Scene:
+    """Return a scene with the grid and the tolerance that a trial finds for its accuracy.
+
+    Maps are prepared in a temporary folder, because nothing is written into that of the database
+    before there is such a grid. Raises the errors of `gen.generation.accuracy.with_accuracy`.
+    """
+    with TemporaryDirectory() as folder:
+        resolved = scene.resolved(Path(folder))
+        if isinstance(resolved.surface, PythonSurface):
+            load_function(resolved.surface.function, resolved.surface.source)
+        with_grid = with_accuracy(resolved, limit, watched=watched)
+    return scene.with_accuracy_of(with_grid)
 
 
 def _with_outputs(scene: Scene, limit: float | None) -> Scene:
@@ -269,6 +356,7 @@ def first_problem(scene: Scene) -> SampleProblem | None:
                 heights=surface_of(scene, plan, row),
                 load=float(plan.load[row]),
                 hardness=plan.hardness_of(row),
+                layer=plan.layer_of(row),
             )
             problem.solve()  # to see whether there is a solution
         except SourceError:
@@ -338,8 +426,8 @@ def _problems_over_the_loads(
     smallest = min(ends.smallest for ends in ranges)
     if smallest == 0.0:  # outputs of bodies without a load are 0, or say nothing
         smallest = LEAST_LOAD * largest
-    for load in (smallest, (smallest + largest) / 2, largest):
-        yield _solvable(first, load, limit)
+    for tried_load in (smallest, (smallest + largest) / 2, largest):
+        yield _solvable(first, tried_load, limit)
 
 
 def _solvable(first: SampleProblem, load: float, limit: float | None) -> SampleProblem:

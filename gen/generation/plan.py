@@ -9,7 +9,8 @@ With m samples per surface, row i belongs to surface i // m. Surfaces are counte
 
       hurst (65536), sigma0 (65536), load (65536, m, 2: which piece, place in its range)
 
-- For each chunk a second stream with the hardnesses, one for each sample: hardness (65536, m).
+- For each chunk a second stream with the hardnesses, one for each sample: hardness (65536, m). For
+  each chunk and each drawn number of a layer another one, alike.
 - For each chunk and each parameter of any other generator one stream, with one number for each
   surface.
 - For each surface one stream with the random numbers of its heights. The surface of a second rough
@@ -64,6 +65,8 @@ class Plan:
     # Places where the surface was cut out of measured maps, by the names of their columns. Empty
     # for generators that do not cut surfaces out.
     places: dict[str, NDArray[np.int32]] = field(default_factory=dict)
+    # Numbers of the layer that are drawn, by the names of their columns.
+    layer: dict[str, Values] = field(default_factory=dict)
 
     def parameters_of(self, row: int) -> dict[str, float]:
         """Return the drawn parameters of the surface of a row.
@@ -79,6 +82,21 @@ class Plan:
             The parameters by their names.
         """
         return {name: float(values[row]) for name, values in self.drawn.items()}
+
+    def layer_of(self, row: int) -> dict[str, float]:
+        """Return the drawn numbers of the layer of a row.
+
+        Parameters
+        ----------
+        row : int
+            Position of the row in this plan; 0 is the first row.
+
+        Returns
+        -------
+        dict of str to float
+            Numbers by the names of their columns; empty if none is drawn.
+        """
+        return {name: float(values[row]) for name, values in self.layer.items()}
 
     def hardness_of(self, row: int) -> float | None:
         """Return the hardness of a row.
@@ -168,6 +186,7 @@ def parameters(scene: Scene, start: int, stop: int) -> Plan:
         hardness=hardness,
         first=start,
         places={name: values[index] for name, values in places.items()},
+        layer=_layer_numbers(scene, start, stop),
     )
 
 
@@ -236,8 +255,8 @@ def planned_columns(scene: Scene, plan: Plan) -> Columns:
     Returns
     -------
     dict of str to ndarray, shape (rows,)
-        Surface, drawn parameters, places, load and hardness of these rows by the names of their
-        columns. The load is the column "delta" if the scene gives Delta, otherwise "load". A
+        Surface, drawn parameters, places, load, hardness and layer of these rows by the names of
+        their columns. The load is the column "delta" if the scene gives Delta, otherwise "load". A
         hardness that all rows share has no column.
     """
     columns: Columns = {"surface": plan.surface}
@@ -250,6 +269,7 @@ def planned_columns(scene: Scene, plan: Plan) -> Columns:
         columns["load"] = plan.load
     if plan.hardness is not None and scene.contact.draws_hardness:
         columns["hardness"] = plan.hardness
+    columns |= plan.layer
     return columns
 
 
@@ -276,6 +296,20 @@ def surface_random(
     key = np.random.SeedSequence(scene.seed, spawn_key=(int(surface), *body))
     # `default_rng` takes PCG64 today, and may take another kind in future versions of NumPy.
     return np.random.Generator(np.random.PCG64(key))
+
+
+def _layer_numbers(scene: Scene, start: int, stop: int) -> dict[str, Values]:
+    """Draw the numbers of the layers of the rows start to stop - 1, (rows,) each, by column."""
+    layer = scene.contact.layer
+    if layer is None:
+        return {}
+    rows_per_stream = SURFACES_PER_STREAM * scene.samples_per_surface
+    numbers = {}
+    for name, distribution in layer.drawn.items():
+        key = (OF_PARAMETER, zlib.crc32(name.encode()))
+        stream = _Stream(seed=scene.seed, key=key, chunk=rows_per_stream)
+        numbers[name] = quantiles(distribution, stream.uniform(start, stop)[:, 0])
+    return numbers
 
 
 def _hardness(scene: Scene, start: int, stop: int) -> Values:

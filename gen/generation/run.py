@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,16 +18,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gen.arrays import Columns
-from gen.generation.completion import completed
+from gen.generation.completion import completed, load_scene, recorded_scene
 from gen.generation.sample import compute_rows
 from gen.generation.sinks import Sink, WriterOption, in_parallel, open_sink
 from gen.generation.trial import doubts_after, doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
+from gen.runtime.files import lock
 from gen.runtime.terminal import RunProgress, echo
 from gen.runtime.user_code import source_of
-from gen.scene import Scene, load, row_bytes
+from gen.scene import Scene, row_bytes
 from gen.schema import Status
 
 if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
@@ -176,7 +177,7 @@ def generate_database(
     Parameters
     ----------
     scene : str
-        Name of a preset, or path of a scene's file.
+        Name of a preset, or path of a scene's file or of a database with its scene.
     path : Path
         Database. It is created if it does not exist, and extended if it lacks some of the rows.
     world : World
@@ -307,19 +308,31 @@ def _worker_of(job: _Job, request: _Request, sink: Sink, world: farm.World) -> _
 def _completed(name: str, request: _Request) -> Scene:
     """Read the scene of a name or path, and complete it as its database records it.
 
-    If a user's function is tried for longer than `PATIENCE`, a line on standard error says so.
+    If a user's function is tried for longer than `PATIENCE`, a line on standard error says so. The
+    progress of the trial for an accuracy is printed there too.
     """
     path = request.path
-    scene = load(name)
+    scene = load_scene(name)
+    _rows_of(request, scene)  # refused before a trial
     line = f"{path}: tries {scene.store.function} on contacts of the scene first"
     announcement = threading.Timer(PATIENCE, echo, args=[line], kwargs={"err": True})
     announcement.daemon = True
     is_new = not path.exists()
     if scene.store.function is not None:
         announcement.start()
+    # A trial for an accuracy may be long: nobody else makes the same file in the meantime.
+    has_trial = is_new and scene.needs_trial
     try:
-        # The functions are tried before a new file is made. For an old file this was done then.
-        return completed(scene, path.parent, rehearsed=is_new, limit=request.limit)
+        with lock(path) if has_trial else nullcontext():
+            # Functions are tried before a new file is made. For an old file this was done then.
+            return completed(
+                scene,
+                path.parent,
+                rehearsed=is_new,
+                limit=request.limit,
+                recorded=recorded_scene(path, scene),
+                watched=True,
+            )
     finally:
         announcement.cancel()
 
@@ -369,6 +382,7 @@ def _prepared(
             remarks=[
                 f"{beginning}; {workers}, {writer_kind} writer",
                 *_remarks_on_functions(scene),
+                *(f"  {line}" for line in scene.report_of_accuracy()[:1]),
                 *(f"  warning: {warning}" for warning in warnings),
                 *(f"  {remark}" for remark in _remarks_on_maps(scene)),
             ],

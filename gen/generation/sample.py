@@ -3,12 +3,14 @@
 import itertools
 import socket
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 import bem
+from bem.coarsening import Coarsening, CoarserMap
 from gen.arrays import Columns, Heights, Values
 from gen.generation.outputs import outputs_for_row
 from gen.generation.plan import (
@@ -35,6 +37,19 @@ them in, whether or not the solver has converged."""
 
 HOST_BYTES = 64
 """Largest number of bytes of a machine's name in the column "host"; a longer name is cut."""
+
+UNSOLVED = (
+    ArithmeticError,
+    np.linalg.LinAlgError,
+    InputError,
+    bem.NoSolution,
+    bem.NotConverged,
+)
+"""Exceptions that say that a surface cannot be made, or that a contact is not solved.
+
+They include SourceError, which is an InputError. Where an error of the user's function has to end
+the run, an `except SourceError` comes before the one for these.
+"""
 
 SETTINGS = (
     "modulus",
@@ -180,7 +195,8 @@ class _Samples:
         """
         scene = self.scene
         try:
-            settings = settings_of(scene, self.plan.hardness_of(row))
+            hardness = self.plan.hardness_of(row)
+            settings = settings_of(scene, hardness, self.plan.layer_of(row))
             load = absolute_load(scene, heights, float(self.plan.load[row]))
             settings[load.kind] = load.value
             contact = bem.solve(heights, scene.grid.sides, **settings)
@@ -242,7 +258,7 @@ def _reason_without_solution(scene: Scene) -> Reason:
 
 
 def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
-    """Make the surface of one row of a plan.
+    """Return the surface of one row of a plan, on the grid on which its contact is solved.
 
     If the scene has two rough bodies, the heights of both are added. The second body is generated
     as it faces the first one, so neither of them is turned over here.
@@ -268,17 +284,40 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     SourceError
         If a map is missing, or the user's generator fails. It is a kind of InputError.
     """
+    made = made_surface_of(scene, plan, row)
+    return on_grid_of_contacts(scene, made).heights
+
+
+def made_surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
+    """Make the surface of one row of a plan, on the grid on which the scene's surfaces are made.
+
+    Parameters
+    ----------
+    scene, plan, row
+        See `surface_of`.
+
+    Returns
+    -------
+    ndarray, shape of `Scene.made_grid`
+        Heights above the lowest node [um].
+
+    Raises
+    ------
+    InputError, SourceError
+        As `surface_of` raises them.
+    """
     number = int(plan.surface[row])  # index of the surface
     drawn = plan.parameters_of(row)
     table = scene.surface
+    grid = scene.made_grid
     try:
-        heights = table.heights(scene.grid, number, drawn, surface_random(scene, number))
+        heights = table.heights(grid, number, drawn, surface_random(scene, number))
         if table.against is None:
             return heights
         # The second surface may depend on the first one, whose generator it gets in its first
         # state.
         heights = heights + table.opposite_heights(
-            scene.grid,
+            grid,
             number,
             drawn,
             first=surface_random(scene, number),
@@ -291,6 +330,32 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
         ) from error
     heights -= heights.min()
     return heights
+
+
+def on_grid_of_contacts(scene: Scene, heights: Heights) -> CoarserMap:
+    """Return a surface on the grid on which the contacts of a scene are solved.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene. Its grid has fewer nodes than its surfaces if a trial has found fewer for the
+        accuracy of the scene.
+    heights : ndarray, shape of `Scene.made_grid`
+        Heights of the surface as it is made [um].
+
+    Returns
+    -------
+    CoarserMap
+        Heights above the lowest node, shape of `Scene.grid` [um], and the share of the mean square
+        slope that this grid lacks. If the grid is the same, the heights are the given ones.
+    """
+    shape = scene.grid.shape
+    if heights.shape == shape:
+        return CoarserMap(heights, 0.0)
+    spacing_x, spacing_y = scene.made_grid.spacing
+    made = Coarsening(heights, scene.contact.boundary, spacing_y / spacing_x)
+    fewer = made.on(shape)
+    return CoarserMap(fewer.heights - fewer.heights.min(), fewer.dropped)
 
 
 def surface_numbered(scene: Scene, number: int) -> Heights:
@@ -328,6 +393,7 @@ def solve_contact(
     *,
     pressure: float | None = None,
     force: float | None = None,
+    layer: Mapping[str, float] | None = None,
 ) -> bem.Contact:
     """Solve the contact of a surface at one load, with the scene's settings.
 
@@ -343,6 +409,9 @@ def solve_contact(
     hardness : float, optional
         Hardness of the softer body [MPa]. By default it is that of the scene, or the bodies are
         elastic if the scene has none. It is required if the scene draws a hardness for each sample.
+    layer : mapping of str to float, optional
+        Drawn numbers of the layer, as `Plan.layer_of` returns them. They are required if the scene
+        draws them for each sample.
 
     Returns
     -------
@@ -356,15 +425,17 @@ def solve_contact(
     bem.NotConverged
         If the solver needs more iterations than the scene allows.
     ValueError
-        If a required hardness is missing, or not exactly one load is given.
+        If a required hardness or layer is missing, or not exactly one load is given.
     """
-    settings = settings_of(scene, hardness)
+    settings = settings_of(scene, hardness, layer)
     return bem.solve(
         heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings
     )
 
 
-def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
+def settings_of(
+    scene: Scene, hardness: float | None, layer: Mapping[str, float] | None = None
+) -> dict[str, Any]:
     """Return all arguments of `bem.solve` but the heights, the sides and the load.
 
     Parameters
@@ -374,6 +445,8 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     hardness : float or None
         Hardness of the softer body [MPa]. If it is None, the hardness is that of the scene, or the
         bodies are elastic if the scene has none.
+    layer : mapping of str to float, optional
+        Drawn numbers of the layer by the names of their columns; none by default.
 
     Returns
     -------
@@ -383,7 +456,7 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If `hardness` is None, but the scene draws a hardness for each sample.
+        If `hardness` or `layer` is None, but the scene draws them for each sample.
     """
     contact = scene.contact
     if hardness is None and contact.hardness_limits is not None:
@@ -393,6 +466,11 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
             )
         hardness = contact.hardness_limits[0]
     settings = {name: getattr(contact, name) for name in SETTINGS}
+    if contact.layer is not None:
+        if layer is None and contact.layer.drawn:
+            raise ValueError("every sample of this scene has a layer of its own: give it")
+        settings["body"] = contact.body(layer or {})
+        del settings["modulus"], settings["poisson"]
     settings["spacing"] = scene.grid.spacing
     settings["hardness"] = hardness
     settings["threads"] = 1  # more threads would compete with the other ranks of a run

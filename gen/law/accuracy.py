@@ -200,7 +200,9 @@ def cells(table: Curves, place: int, errors: Errors, surfaces: int) -> Row:
         `gen.maps.accuracy`. Of several surfaces they are the coarsest grid and the largest errors,
         and each surface has columns of its own. All are "" at first touch.
     """
-    budgets = table.budgets[place]
+    budgets: tuple[Budget, ...] = ()
+    if table.budgets:  # a table of first touch alone has none
+        budgets = table.budgets[place]
     row = _cells(budgets, errors)
     if surfaces > 1:
         for number in range(1, surfaces + 1):
@@ -355,14 +357,16 @@ def _size(nodes: tuple[int, int]) -> str:
 
 
 def all_in_all(
-    tables: Sequence[Curves], errors: Errors, deviations: Mapping[str, Deviation]
+    tables: Sequence[Curves | None],
+    errors: Errors,
+    deviations: Mapping[str, Deviation],
 ) -> str:
     """Say how far curves between the points of a law are off, the errors of the points included.
 
     Parameters
     ----------
-    tables : sequence of Curves
-        Tables of the points.
+    tables : sequence of Curves or None
+        Tables of the points, and of the contacts between them if there are any.
     errors : mapping
         Errors that were asked for.
     deviations : mapping
@@ -374,7 +378,8 @@ def all_in_all(
         A sentence with a blank before it; "" if no error was asked for of any of the curves.
     """
     errors_of_functions: dict[str, float] = {}
-    for answer, parts in worst_parts(_budgets(tables), errors).items():
+    budgets = _budgets([table for table in tables if table is not None])
+    for answer, parts in worst_parts(budgets, errors).items():
         if (
             answer == "force"
         ):  # a pressure over the closure has the error of the closure instead

@@ -8,9 +8,12 @@ another boundary, because the half-space sinks under a free patch: this belongs 
 finite-element model, not to the interface.
 """
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,17 +34,14 @@ from gen.quantities import AREA
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import shortened
 
+if TYPE_CHECKING:
+    from gen.law.sampled import MeansSolver, SampledMeans
+
 FEW = 10
 """Nodes in contact below which a law shows the grid rather than the surface."""
 
 STEPS = 40
 """Number of displacements over the range of a surrogate's training, if no load is given."""
-
-BETWEEN: Mapping[Load, str] = {
-    "delta": "between the Deltas",
-    "pressure": "between the pressures",
-}
-"""Name of the contacts between the loads of a table, as the display of the progress has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +82,8 @@ class Law:
     between_pressures: Curves | None = None
     # Contacts at pressures that straight lines are compared with; None without any.
     checks: Curves | None = None
+    # Errors of means over a population, and how it was sampled; None unless errors were asked for.
+    sampled: SampledMeans | None = None
     limits: tuple[MapLimits, ...] = ()  # of each surface, if errors were asked for
 
 
@@ -108,7 +110,7 @@ def by_solver(order: Order) -> Law:
     if not loads:
         raise InputError("give --delta or --pressure, the loads of the law")
     subjects = read_law_surfaces(order)
-    bodies = _bodies(order, subjects)
+    bodies = bodies_of(order, subjects)
     order.refuse_impossible(bodies.hardness)
     solver = LawSolver(order, subjects.surfaces, bodies)
     solved = {load: solver.solve(load, values) for load, values in loads.items()}
@@ -120,13 +122,30 @@ def by_solver(order: Order) -> Law:
         law = _with_accuracy(law, order.errors, subjects)
     if not order.between:
         return law
-    return _with_contacts_between(law, solver)
+    return with_contacts_between(law, solver)
 
 
-def _bodies(order: Order, subjects: LawSurfaces) -> Bodies:
+def bodies_of(order: Order, subjects: LawSurfaces) -> Bodies:
     """Return the bodies of a law: E* and hardness of the order, or else those of its scenes.
 
     E* is 1 MPa if neither gives it. A hardness of scenes is scaled to the E* of the law.
+
+    Parameters
+    ----------
+    order : Order
+        The request.
+    subjects : LawSurfaces
+        Surfaces of the law.
+
+    Returns
+    -------
+    Bodies
+        The bodies [MPa].
+
+    Raises
+    ------
+    InputError
+        If the scenes have different moduli or more than one hardness.
     """
     e_star = order.e_star or subjects.modulus() or 1.0
     hardness = order.hardness
@@ -306,7 +325,7 @@ def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
     for load in ARGUMENTS:
         # The table against pressures that the user gave has these alone, without first touch.
         from_rest = load == "delta" or load not in solved
-        tables[load] = _table(load, contacts[load], at_rest, order, from_rest=from_rest)
+        tables[load] = table_of(load, contacts[load], at_rest, order, from_rest=from_rest)
     remarks = [line for answers in solved.values() for line in answers.warnings]
     remarks += [line for answers in contacts.values() for line in answers.remarks]
     return Tables(
@@ -316,7 +335,7 @@ def _tables(solver: LawSolver, solved: Mapping[Load, SolvedLoads]) -> Tables:
     )
 
 
-def _table(
+def table_of(
     load: Load,
     contacts: SolvedLoads,
     at_rest: Sequence[Mapping[str, float]],
@@ -324,11 +343,28 @@ def _table(
     *,
     from_rest: bool,
 ) -> Curves:
-    """Tabulate contacts against their loads. `from_rest` puts first touch before them.
+    """Tabulate contacts against their loads.
 
     Values that turn back are replaced by the extreme value before (`without_reversals`): they turn
-    back only within the tolerance of the solver. `at_rest` has the values at first touch of each
-    surface.
+    back only within the tolerance of the solver, or the error of means.
+
+    Parameters
+    ----------
+    load : {"delta", "pressure"}
+        Kind of the loads.
+    contacts : SolvedLoads
+        Contacts of each surface, or means over a population as those of one surface.
+    at_rest : sequence of mapping
+        Values at first touch of each surface, by names in laws.
+    order : Order
+        The request.
+    from_rest : bool
+        Whether to put first touch before the loads.
+
+    Returns
+    -------
+    Curves
+        The table.
     """
     loads = contacts.loads
     parts = contacts.points
@@ -408,20 +444,31 @@ def _below_hardness(pressures: Values, bodies: Bodies) -> Values:
     return below
 
 
-def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
-    """Return a law with further contacts between its loads, for programs that join its points.
+def with_contacts_between(law: Law, solver: LawSolver | MeansSolver) -> Law:
+    """Add contacts between the loads of a law, for programs that join its points.
 
     Contacts between the pressures are always solved, those between the Deltas only if
     `order.between` names "delta". Without "delta" the contacts serve tables of finite elements,
     which hold neither the area in the continuum nor apertures nor shear: these are not computed
     then.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    solver : LawSolver or MeansSolver
+        Solver of its surfaces.
+
+    Returns
+    -------
+    Law
+        The law with these contacts.
     """
     order = law.order
     over_delta = "delta" in order.between
     if not over_delta:
         order = replace(order, grid_error=False, flow=False, friction=None)
-    # The grid's error is not judged between loads: it has been judged at the loads.
-    solver = replace(solver, order=order, judges=False, passes=BETWEEN)
+    solver = solver.for_loads_between(order)
     between = SolverBetween(law, solver)
     solve_pressures = solve_for_lines if order.straight else solve_between
     pressures = solve_pressures(law.over_pressure, law.nodes, between.at_pressures)
@@ -429,7 +476,7 @@ def _with_contacts_between(law: Law, solver: LawSolver) -> Law:
     if order.straight and pressures is not None:
         checks = between.at_checks(check_loads(law.over_pressure))
     deltas: Curves | None = None
-    if over_delta and len(solver.surfaces) == 1:
+    if over_delta and solver.has_one_surface:
         # Contacts of one surface between pressures are contacts between Deltas too.
         deltas = between.same_over_delta()
     elif over_delta:
@@ -457,11 +504,11 @@ class SolverBetween:
     ----------
     law : Law
         The law.
-    solver : LawSolver
+    solver : LawSolver or MeansSolver
         Solver of its surfaces.
     """
 
-    def __init__(self, law: Law, solver: LawSolver) -> None:
+    def __init__(self, law: Law, solver: LawSolver | MeansSolver) -> None:
         self.law = law
         self.solver = solver
         self.contacts_at_pressures: list[SolvedLoads] = []

@@ -376,7 +376,12 @@ def _cubics_in_words(law: Law, functions: Iterable[Function]) -> str:
         falling = " Of gaps and apertures these are shares of the value at first touch."
     together = ""
     if law.order.errors is not None:
-        tables = (law.over_delta, law.over_pressure)
+        tables = (
+            law.over_delta,
+            law.over_pressure,
+            law.between_deltas,
+            law.between_pressures,
+        )
         together = all_in_all(tables, law.order.errors, deviations)
     return (
         f"The cubics go through the loads of the law. {off},"

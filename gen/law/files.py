@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law import accuracy, cubics, finite_elements
+from gen.law import accuracy, cubics, finite_elements, programs
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
@@ -265,10 +265,21 @@ def _about_the_errors(law: Law, table: Curves, place: int) -> Row:
 
     There are none if no error was asked for.
     """
-    if law.order.errors is None:
+    row = _errors_at(law, table, place)
+    if law.limits:
+        row |= accuracy.worst_limits(law.limits).columns
+    return row
+
+
+def _errors_at(law: Law, table: Curves, place: int) -> Row:
+    """Return the cells about errors that were asked for, at an argument; {} if none was."""
+    errors = law.order.errors
+    if errors is None:
         return {}
-    cells_of_load = accuracy.cells(table, place, law.order.errors, len(law.surface_names))
-    return cells_of_load | accuracy.worst_limits(law.limits).columns
+    row = accuracy.cells(table, place, errors, len(law.surface_names))
+    if law.sampled is not None:
+        row |= law.sampled.cells(table, place)
+    return row
 
 
 def _of_each_surface(law: Law, table: Curves, place: int) -> Row:
@@ -371,6 +382,8 @@ def write_json(path: Path, law: Law) -> list[Path]:
             name: 100 * error for name, error in law.order.errors.items()
         }
         document["limits_of_maps"] = [_nulls(limits.columns) for limits in law.limits]
+    if law.sampled is not None:
+        document["population"] = law.sampled.in_json
     write(path, json_text(document))
     return [path]
 
@@ -391,13 +404,11 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
 
 def _errors_in_json(law: Law, table: Curves) -> dict[str, Any]:
     """Return the columns about errors of a table for JSON, {} if no error was asked for."""
-    errors = law.order.errors
-    if errors is None:
+    if law.order.errors is None:
         return {}
     columns: dict[str, list[Any]] = {}
     for place in range(table.at.size):
-        row = accuracy.cells(table, place, errors, len(law.surface_names))
-        for column, cell in _nulls(row).items():
+        for column, cell in _nulls(_errors_at(law, table, place)).items():
             columns.setdefault(column, []).append(cell)
     return {"errors": columns}
 
@@ -438,6 +449,9 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     ),
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
     "for_4c": cubics.write_for_4c,
+    "moose": programs.write_for_moose,
+    "ansys": programs.write_for_ansys,
+    "comsol": programs.write_for_comsol,
 }
 """Functions that write a file, by the field of `gen.options.LawOutputs` that has its path.
 

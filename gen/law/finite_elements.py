@@ -41,7 +41,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
 from gen.runtime.terminal import echo
 
-Program = Literal["calculix", "abaqus", "4c"]
+Program = Literal["calculix", "abaqus", "4c", "table"]
+"""Program that reads a file; "table" for MOOSE, Ansys and COMSOL."""
 
 FAR = np.linspace(10, CALCULIX_POINTS + 0.5, CALCULIX_POINTS + 2)
 """Overclosures of the 20th to the 41st point [unit of length of the file]. CalculiX takes the whole
@@ -558,7 +559,8 @@ def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) ->
     largest = f"It is off {reference}, by up to this, {in_words(deviations)}."
     together = ""
     if law.order.errors is not None:
-        together = all_in_all([law.over_pressure], law.order.errors, deviations)
+        tables = (law.over_pressure, law.between_pressures, law.checks)
+        together = all_in_all(tables, law.order.errors, deviations)
     return f"The table is straight between its points. {largest}{together}"
 
 
@@ -645,7 +647,7 @@ def description(
     ----------
     law : Law
         The law.
-    program : {"calculix", "abaqus", "4c"}
+    program : {"calculix", "abaqus", "4c", "table"}
         Program that reads the file.
     units : UnitSystem
         Units of the file.
@@ -682,7 +684,14 @@ def description(
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
         f" {between}."
     )
-    yield f"The law ends at {pressures[-1]:.6g} MPa: {BEYOND}"
+    end = f"The law ends at {pressures[-1]:.6g} MPa"
+    if program == "table":
+        yield (
+            f"{end}: tell the program how to go on there. No contact was computed beyond. Shares"
+            " are parts of 1. This file was not tried in the program that reads it."
+        )
+        return
+    yield f"{end}: {BEYOND}"
     if law.over_pressure.conductance_name and program != "4c":
         yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":

@@ -67,10 +67,13 @@ class Order:
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
     # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
-    # contacts are solved on the coarsest grid that gives them; None for the grid of the surface.
+    # contacts are solved on the coarsest grid that gives them; None for the grid of the surface. Of
+    # a scene they are the errors of the means over its population.
     errors: Mapping[str, float] | None = None
     flow: bool = False  # True for the hydraulic apertures of the gap
     also: tuple[str, ...] = ()  # names of further quantities, of `gen.quantities.ALSO`
+    # False to leave out a table for which no loads are given, with errors of means.
+    both_tables: bool = True
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     # Tables between whose loads further contacts are solved, for programs that join the points.

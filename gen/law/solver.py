@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -25,6 +25,12 @@ LONG = 10**6
 
 PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
 """Name of a pass in the progress; a population is solved in one pass for each table."""
+
+BETWEEN: Mapping[Load, str] = {
+    "delta": "between the Deltas",
+    "pressure": "between the pressures",
+}
+"""Name of the contacts between the loads of a table, as the display of the progress has it."""
 
 NOT_SOLVED = "warning: not solved"
 """Beginning of a remark on loads that are left out of a law."""
@@ -132,6 +138,28 @@ class LawSolver:
     # What the progress counts, by the kind of the loads.
     passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)
     last_prepared: LastPrepared = field(default_factory=LastPrepared)
+
+    @property
+    def has_one_surface(self) -> bool:
+        """True if the law is that of one surface, whose contacts serve both tables."""
+        return len(self.surfaces) == 1
+
+    def for_loads_between(self, order: Order) -> Self:
+        """Return a solver of contacts between the loads of a law.
+
+        The error of the grid is not judged there: it has been judged at the loads.
+
+        Parameters
+        ----------
+        order : Order
+            The request, with the quantities of these contacts.
+
+        Returns
+        -------
+        LawSolver
+            The solver, whose progress names these contacts.
+        """
+        return replace(self, order=order, judges=False, passes=BETWEEN)
 
     def solve(self, load: Load, loads: Values) -> SolvedLoads:
         """Solve every surface under loads that the user gave, and print the progress if it is long.

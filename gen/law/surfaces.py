@@ -181,11 +181,15 @@ class LawSurfaces:
         Raises
         ------
         InputError
-            If all inputs are scenes, and have different moduli.
+            If all inputs are scenes, and have different moduli, or a layer.
         """
         scenes = self._scenes_alone()
         if not scenes:
             return None  # files do not give a modulus
+        if any(scene.contact.layer is not None for scene in scenes):
+            raise InputError(
+                "laws are those of half-spaces: leave out the scenes with [contact.layer]"
+            )
         moduli = {scene.contact.e_star for scene in scenes}
         if len(moduli) > 1:
             listed = " and ".join(f"{modulus:g}" for modulus in sorted(moduli))
@@ -266,7 +270,7 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
         scene = scene_of(text)
         if scene is not None and order.errors is not None:
             raise InputError(
-                f"--error: {text} is a scene: give surfaces from files, or leave it out"
+                f"--error: {text} is a scene: its means are made by gen.law.by_means"
             )
         if scene is None:
             parts.append(_read_files(text, order, boundary, opposites))
@@ -287,21 +291,40 @@ def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
 
     `text` is the input that names the scene: its path, or the name of a shipped scene.
     """
-    population = list(_population(scene, text, number))
+    population = list(surfaces_of_scene(scene, text, range(number)))
     doubts = [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
+    return InputSurfaces(
+        about=scene_as_input(scene, text, f"its first {number} surfaces"),
+        surfaces=population,
+        sources=_sources_of_scene(scene, text),
+        doubts=doubts,
+    )
+
+
+def scene_as_input(scene: Scene, text: str, surfaces: str) -> LawInput:
+    """Describe a scene as an input of a law.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    text : str
+        Input that names it.
+    surfaces : str
+        Which of its surfaces the law has, in words.
+
+    Returns
+    -------
+    LawInput
+        The scene with its description, which names the second rough body if it has one.
+    """
     against = scene.surface.against
     facing = ""
     if isinstance(against, tuple):  # files of the second body
         facing = f" against {', '.join(against)}"
     elif against is not None:
         facing = " against another of them"
-    description = f"{text}: its first {number} surfaces{facing}"
-    return InputSurfaces(
-        about=LawInput(description=description, scene=scene),
-        surfaces=population,
-        sources=_sources_of_scene(scene, text),
-        doubts=doubts,
-    )
+    return LawInput(description=f"{text}: {surfaces}{facing}", scene=scene)
 
 
 def _read_files(
@@ -458,6 +481,27 @@ def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:
             yield from scene.surface.sources()
 
 
+def has_scene(inputs: Iterable[str]) -> bool:
+    """Return whether an input of a law is a scene or a database.
+
+    Parameters
+    ----------
+    inputs : iterable of str
+        Inputs of the law.
+
+    Returns
+    -------
+    bool
+        True if one is, or more.
+
+    Raises
+    ------
+    InputError
+        If the scene or the database cannot be used.
+    """
+    return any(scene_of(text, ready=False) is not None for text in inputs)
+
+
 def scene_of(text: str, *, ready: bool = True) -> Scene | None:
     """Return the scene that an input of a law names: a shipped one, its file, or a database.
 
@@ -481,6 +525,11 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
     suffix = Path(text).suffix.lower()
     if suffix == ".toml" or (not suffix and text in preset_names()):
         scene = load(text)
+        if scene.needs_trial:
+            raise InputError(
+                f"{text}: [accuracy] holds for the scene's own loads, and a run finds its nodes:"
+                " give the database of a run, or leave out [accuracy]"
+            )
         return scene.resolved() if ready else scene
     if suffix != ".h5":
         return None  # a surface or a folder
@@ -506,16 +555,38 @@ def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
     return [steep_slopes(max(steep), max(population[0].spacing), where)]
 
 
-def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
-    """Yield the first `number` surfaces of a scene, with the scene's settings of the solver."""
+def surfaces_of_scene(
+    scene: Scene, text: str, numbers: Iterable[int]
+) -> Iterator[LawSurface]:
+    """Make surfaces of a scene, with the scene's settings of the solver.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, whose surfaces are ready (`make_ready`).
+    text : str
+        Input that names it.
+    numbers : iterable of int
+        Indices of the surfaces, as in a database of the scene.
+
+    Yields
+    ------
+    LawSurface
+        Each surface.
+
+    Raises
+    ------
+    InputError
+        If a surface cannot be made.
+    """
     from gen.generation.sample import surface_numbered  # it loads what databases need
 
     contact = scene.contact
     settings = {name: getattr(contact, name) for name in SOLVER_SETTINGS}
-    for surface in range(number):
+    for number in numbers:
         yield LawSurface(
-            name=f"{text}, surface {surface}",
-            heights=surface_numbered(scene, surface),
+            name=f"{text}, surface {number}",
+            heights=surface_numbered(scene, number),
             sides=scene.grid.sides,
             boundary=contact.boundary,
             exact_spacing=scene.grid.spacing,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gen.maps import accuracy
 from gen.maps.limits import NODES_A_WAVE, MapLimits
-from gen.material import require_within
+from gen.material import LAYER_COLUMNS, require_within
 from gen.quantities import (
     CONDUCTANCE,
     CONTINUUM,
@@ -23,7 +23,7 @@ from gen.runtime.errors import InputError
 from gen.shear import Sheared
 
 if TYPE_CHECKING:
-    from bem import Contact
+    from bem import Body, Contact
     from bem.budget import ErrorParts
     from gen.material import Friction
 
@@ -187,7 +187,7 @@ def _answers_of_option(option: str, contact: Contact, media: Media) -> list[Answ
 
 
 def _about_the_bodies(contact: Contact) -> list[Answer]:
-    """Return the answers about E*, the boundary unless it is free, and the hardness if any."""
+    """Return the answers about E*, a layer, the boundary unless it is free, and the hardness."""
     problem = contact.problem
     modulus = Answer(
         column="modulus_MPa",
@@ -195,7 +195,7 @@ def _about_the_bodies(contact: Contact) -> list[Answer]:
         label="modulus E*",
         unit="MPa",
     )
-    about_the_bodies = [modulus]
+    about_the_bodies = [modulus, *_about_the_layer(problem.body)]
     if problem.boundary != "free":
         boundary = Answer(
             column="boundary",
@@ -213,6 +213,33 @@ def _about_the_bodies(contact: Contact) -> list[Answer]:
         )
         about_the_bodies.append(hardness)
     return about_the_bodies
+
+
+def _about_the_layer(body: Body) -> list[Answer]:
+    """Return the answers about the layer of a body and about its base; none for half-spaces."""
+    from bem.bodies import HalfSpace, Layered, Pair
+
+    if isinstance(body, Pair):  # the layer is that of the first body
+        body = body.first
+    if not isinstance(body, Layered):
+        return []
+    values: dict[str, float | str] = {
+        "layer_thickness_um": body.thickness,
+        "layer_young_MPa": body.modulus,
+        "layer_poisson": body.poisson,
+        "base": "rigid",
+    }
+    if isinstance(body.base, HalfSpace):
+        values |= {
+            "base": "elastic",
+            "base_young_MPa": body.base.modulus,
+            "base_poisson": body.base.poisson,
+        }
+    return [
+        Answer(column=column, value=value, label=label, unit=unit)
+        for column, (label, unit) in LAYER_COLUMNS.items()
+        if (value := values.get(column)) is not None
+    ]
 
 
 def _answers_of_quantity(

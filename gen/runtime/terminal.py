@@ -324,6 +324,17 @@ class RunProgress(AbstractContextManager["RunProgress"]):
         else:
             self.say(self._summary())
 
+    def expect(self, total: int) -> None:
+        """Change the number of rows, each of which costs 1, as further ones are planned.
+
+        Parameters
+        ----------
+        total : int
+            Number of rows to compute, those included that are finished.
+        """
+        self._total = total
+        self._total_work = float(total)
+
     def say(self, message: str) -> None:
         """Print a message as a line that stays; on a terminal it overwrites the progress line.
 

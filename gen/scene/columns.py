@@ -179,6 +179,8 @@ def _optional_names(scene: Scene) -> set[str]:
                 names.add(quantity.name)
         if scene.contact.draws_hardness:
             names.add("hardness")
+    if scene.contact.layer is not None:
+        names |= scene.contact.layer.drawn.keys()
     return names
 
 

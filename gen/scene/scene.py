@@ -23,9 +23,14 @@ from gen.generators import GENERATORS, TAGS, Surface
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
+from gen.scene.accuracy import Accuracy, completed_for_accuracy
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
-from gen.surface import DisplacedSurface, GeneratedSurface, Grid
+from gen.schema import LAYER_MODULUS
+from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
+
+THINNEST = 0.2
+"""Least thickness of a layer on a free patch, over the spacing of the nodes [1]."""
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row of its database."""
@@ -68,6 +73,8 @@ class Scene(Table):
     delta: Delta | None = Field(default=None, description="a table [delta]")
     load: Load | None = Field(default=None, description="a table [load]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
+    # Without this table the nodes and the tolerance are those that the scene gives.
+    accuracy: Accuracy | None = Field(default=None, description="a table [accuracy]")
     store: Store = Field(default=Store(), description="a table [store]")
 
     @model_validator(mode="before")
@@ -77,7 +84,8 @@ class Scene(Table):
 
         They are the generator of a table `[surface]` that names none, the boundary of windows, and
         the spacing of patches without edges. A scene without loads gets the table `[delta]`, unless
-        its surfaces follow maps: the user has to give its loads then.
+        its surfaces follow maps: the user has to give its loads then. With a table `[accuracy]`
+        they are also the columns that it asks for, and the finest grid.
         """
         # a Scene, or content that pydantic will refuse
         if not isinstance(content, dict):
@@ -94,6 +102,8 @@ class Scene(Table):
         has_loads = "delta" in completed or "load" in completed
         if not follows_maps and not has_loads:
             completed["delta"] = Delta()
+        if completed.get("accuracy") is not None:
+            completed = completed_for_accuracy(completed)
         return completed
 
     @model_validator(mode="after")
@@ -106,14 +116,69 @@ class Scene(Table):
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'"
             )
+        self._require_one_modulus_for_relative_loads()
+        self._require_surfaces_with_an_accuracy()
         if not self.surface.is_complete:
             # The grid is known when a run has found the files. Then the scene is checked again.
             return self
-        fault = self.surface.fault_on(self.grid)
+        self._require_nodes_of_surfaces()
+        fault = self.surface.fault_on(self.made_grid)
         if fault:
             raise conflict(f"surface: {fault}")
         self._require_loads_that_yielding_bodies_carry()
+        self._require_layers_that_free_patches_have()
         return self
+
+    def _require_layers_that_free_patches_have(self) -> None:
+        """Refuse layers that are too thin for the cells of a free patch."""
+        layer = self.contact.layer
+        if layer is None or self.contact.boundary != "free":
+            return
+        least = THINNEST * max(self.grid.spacing)
+        thinnest = limits(layer.thickness).smallest
+        if thinnest < least:
+            raise conflict(
+                f"contact.layer.thickness goes down to {thinnest:g} um: on a free patch a layer has"
+                f" {least:g} um at least, {THINNEST:g} of a cell; give contact.boundary ="
+                " 'periodic' or 'mirror'"
+            )
+
+    def _require_one_modulus_for_relative_loads(self) -> None:
+        """Refuse loads over E* if every sample has an E* of its own."""
+        layer = self.contact.layer
+        is_relative = self.quantity == "pressure/(E* slope_rms)"
+        if layer is not None and is_relative and LAYER_MODULUS in layer.drawn:
+            raise conflict(
+                f"load.quantity = '{self.quantity}' needs one E*, and contact.layer.modulus is"
+                " drawn: give 'pressure'"
+            )
+
+    def _require_surfaces_with_an_accuracy(self) -> None:
+        """Refuse a table `[accuracy]` for surfaces and contacts that depend on their grid."""
+        if self.accuracy is None:
+            return
+        fault = self.surface.fault_of_accuracy()
+        if fault:
+            raise conflict(f"accuracy: {fault}")
+        if self.contact.layer is not None:
+            raise conflict("accuracy is that of half-spaces: leave out contact.layer")
+        for key, needed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
+            value = getattr(self.contact, key)
+            if value != needed:
+                raise conflict(
+                    f"accuracy needs contact.{key} = '{needed}', not '{value}', which is a"
+                    " statement about one grid"
+                )
+
+    def _require_nodes_of_surfaces(self) -> None:
+        """Refuse a recorded grid that is finer than the one on which surfaces are made."""
+        made = self.made_grid.shape
+        nodes = self.grid.shape
+        if nodes[0] > made[0] or nodes[1] > made[1]:
+            raise conflict(
+                f"accuracy.found.nodes are {nodes[0]} x {nodes[1]}, the surfaces are made on"
+                f" {made[0]} x {made[1]}: give no more"
+            )
 
     def _require_one_table_of_loads(self) -> None:
         """Refuse a scene with both tables of loads, or with none."""
@@ -181,17 +246,61 @@ class Scene(Table):
 
     @property
     def grid(self) -> Grid:
-        """The grid on which surfaces are made.
+        """The grid on which contacts are solved.
 
         With the spacing "side/n", which all patches without edges have, each node has a cell of its
         own inside the sides. With "side/(n-1)" the sides reach from the first node to the last one.
+
+        If a trial has found the nodes for an accuracy, surfaces that are not the same on any grid
+        are read on cells that cover the patch of `made_grid`.
         """
-        boundary = self.contact.boundary
-        cells = boundary != "free" or self.contact.spacing == "side/n"
-        shape, sides = self.surface.patch(boundary, cells=cells)
-        intervals = [nodes if cells else nodes - 1 for nodes in shape]
+        if self.accuracy is None or self.accuracy.found is None:
+            return self.made_grid
+        nodes = self.accuracy.found.nodes
+        made = self._grid_of(self._patch)
+        if self.surface.ON_ANY_GRID:
+            return self._grid_of(Patch(nodes=nodes, sides=made.sides))
+        spacing = [
+            step * count / fewer
+            for step, count, fewer in zip(made.spacing, made.shape, nodes, strict=True)
+        ]
+        intervals = nodes if self.has_cells else (nodes[0] - 1, nodes[1] - 1)
+        return Grid(
+            shape=nodes,
+            sides=(spacing[0] * intervals[0], spacing[1] * intervals[1]),
+            spacing=(spacing[0], spacing[1]),
+            boundary=made.boundary,
+        )
+
+    @property
+    def made_grid(self) -> Grid:
+        """The grid on which surfaces are made; mostly the one on which contacts are solved."""
+        if (
+            self.surface.ON_ANY_GRID
+            and not self.needs_trial
+            and self.accuracy is not None
+        ):
+            return self.grid
+        return self._grid_of(self._patch)
+
+    @property
+    def has_cells(self) -> bool:
+        """Whether each node of the grid has a cell of its own inside the sides."""
+        return self.contact.boundary != "free" or self.contact.spacing == "side/n"
+
+    @property
+    def _patch(self) -> Patch:
+        """The patch of the table `[surface]`."""
+        return self.surface.patch(self.contact.boundary, cells=self.has_cells)
+
+    def _grid_of(self, patch: Patch) -> Grid:
+        """Return the grid of a patch."""
+        shape, sides = patch
+        intervals = [nodes if self.has_cells else nodes - 1 for nodes in shape]
         spacing = (sides[0] / intervals[0], sides[1] / intervals[1])
-        return Grid(shape=shape, sides=sides, spacing=spacing, boundary=boundary)
+        return Grid(
+            shape=shape, sides=sides, spacing=spacing, boundary=self.contact.boundary
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -278,6 +387,7 @@ class Scene(Table):
         parameters.update(values)
         if nodes is not None:
             surface["nodes"] = nodes
+            content.pop("accuracy", None)  # the user has chosen the grid
         if seed is not None:
             content["seed"] = seed
         return self.from_text(json.dumps(content), "the values asked for")
@@ -299,6 +409,43 @@ class Scene(Table):
             return self
         store = self.store.model_copy(update={"powers": recorded.store.powers})
         return self.model_copy(update={"store": store})
+
+    def with_accuracy_of(self, recorded: Self) -> Self:
+        """Return a copy of the scene with the grid and tolerance that another scene has found.
+
+        Parameters
+        ----------
+        recorded : Scene
+            The scene that a database has recorded.
+
+        Returns
+        -------
+        Scene
+            The copy, or this scene itself if one of the two has no table `[accuracy]`. Errors that
+            are asked for stay as they are, so that `differences` lists those that differ.
+        """
+        if self.accuracy is None or recorded.accuracy is None:
+            return self
+        found = recorded.accuracy.found
+        return self.model_copy(
+            update={
+                "accuracy": self.accuracy.model_copy(update={"found": found}),
+                "contact": self.contact.model_copy(
+                    update={"rtol": recorded.contact.rtol}
+                ),
+            }
+        )
+
+    def report_of_accuracy(self) -> list[str]:
+        """Return lines about the errors asked for, the grid and its trial; empty without a grid."""
+        if self.accuracy is None:
+            return []
+        return self.accuracy.report(self.contact.rtol)
+
+    @property
+    def needs_trial(self) -> bool:
+        """Whether a trial has to find the grid before the first row."""
+        return self.accuracy is not None and self.accuracy.found is None
 
     @property
     def surfaces(self) -> int:
@@ -336,6 +483,7 @@ class Scene(Table):
         except (ValueError, RecursionError) as error:
             # A ValueError may be a fault of TOML, or a whole number of over 4,300 digits.
             raise InputError(printable(f"{source}: not TOML: {error}")) from None
+        _refuse_tolerance_beside_accuracy(content, source)
         return cls._validated(content, source, folder)
 
     @classmethod
@@ -421,7 +569,29 @@ class Scene(Table):
         # Powers are measured, and follow from the other keys.
         content["store"].pop("powers", None)
         content["surface"] = self.surface.relevant(content["surface"])
+        if self.accuracy is not None and self.accuracy.found is not None:
+            # The errors of the trial are measured too.
+            content["accuracy"]["found"] = {"nodes": self.accuracy.found.nodes}
         return content
+
+
+def _refuse_tolerance_beside_accuracy(content: dict[str, Any], source: str) -> None:
+    """Raise InputError if a user's scene, read from TOML, asks for an error and gives a tolerance.
+
+    The text of a scene has the default tolerance, and that of a recorded scene the one of its grid.
+    """
+    accuracy = content.get("accuracy")
+    contact = content.get("contact")
+    if not isinstance(accuracy, dict) or not isinstance(contact, dict):
+        return
+    rtol = contact.get("rtol", Contact().rtol)
+    if rtol != Contact().rtol and "found" not in accuracy:
+        raise InputError(
+            printable(
+                f"{source}: contact.rtol = {shown(rtol)}: [accuracy] finds the"
+                " tolerance; leave out one of them"
+            )
+        )
 
 
 def _follows_maps(surface: object) -> bool:

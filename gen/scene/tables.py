@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, Strict, create_model, model_validator
@@ -10,6 +11,7 @@ from gen.distribution import (
     SPANNED,
     AboveZero,
     AtLeastZero,
+    Distribution,
     Number,
     Positive,
     Table,
@@ -21,6 +23,10 @@ from gen.doubts import material_doubts
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, checked_names
 from gen.material import Bodies
 from gen.quantities import stored_quantities
+from gen.schema import LAYER_MODULUS, LAYER_THICKNESS
+
+if TYPE_CHECKING:
+    from bem import HalfSpace, Layered
 
 Quantity = Literal[
     "delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"
@@ -44,6 +50,35 @@ PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 
 
 Unit = Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")]
 """Unit of a user's output: 1 to 20 printable letters, which fit into a line of a table."""
+
+
+OF_LAYER = "a finite number above 0, or [low, high], or a distribution [{}]"
+"""Allowed numbers of a layer in words; the braces are replaced by the unit."""
+
+
+class Layer(Table):
+    """A layer that is bonded to the body of `[contact]`, or to a rigid one."""
+
+    thickness: AboveZero = Field(description=OF_LAYER.format("um"))
+    modulus: AboveZero = Field(description=OF_LAYER.format("MPa"))
+    poisson: Annotated[Number, Field(gt=-1, le=0.5)] = Field(
+        default=0.0, description="Poisson's ratio, a number above -1, at most 0.5"
+    )
+    base: Literal["elastic", "rigid"] = "elastic"
+
+    @property
+    def drawn(self) -> dict[str, Distribution]:
+        """Distributions of the numbers that are drawn for every sample, by the names of columns."""
+        numbers = {LAYER_THICKNESS: self.thickness, LAYER_MODULUS: self.modulus}
+        return {name: number for name, number in numbers.items() if is_drawn(number)}
+
+
+def _span_text(distribution: Distribution) -> str:
+    """Return a number, or the limits of a distribution, as text."""
+    low, high = limits(distribution)
+    if low == high:
+        return f"{low:.6g}"
+    return f"{low:.6g} to {high:.6g}"
 
 
 class Contact(Table):
@@ -71,14 +106,18 @@ class Contact(Table):
     hardness_ratio: AboveZero | None = Field(
         default=None, description=HARDNESS.format("E*")
     )
+    # The text of a scene leaves out a layer that is None.
+    layer: Layer | None = Field(default=None, description="a table [contact.layer]")
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
-        """Refuse keys that do not go with the boundary, and hardnesses that are impossible."""
+        """Refuse keys that do not go with boundary or layer, and impossible hardnesses."""
         if self.boundary != "free":
             self._require("spacing", "side/n")
             self._require("far_field", "rigid")
             self._require("kernel", "uniform-pressure")
+        if self.layer is not None:
+            self._require_what_goes_with_a_layer(self.layer)
         if self.hardness is not None and self.hardness_ratio is not None:
             raise conflict(
                 "hardness [MPa] and hardness_ratio [E*] are both given: give one"
@@ -92,6 +131,54 @@ class Contact(Table):
                 raise conflict("the hardness is beyond what numbers hold [MPa]")
         return self
 
+    def _require_what_goes_with_a_layer(self, layer: Layer) -> None:
+        """Refuse keys of `[contact]` that do not go with a layer."""
+        if (self.kernel, self.far_field) != ("uniform-pressure", "rigid"):
+            raise conflict(
+                "a layer needs kernel = 'uniform-pressure' and far_field = 'rigid', not"
+                f" '{self.kernel}' and '{self.far_field}'"
+            )
+        if layer.base == "rigid" and (self.modulus != 1.0 or self.poisson != 0.0):
+            raise conflict(
+                "layer.base = 'rigid' has no modulus: leave out contact.modulus and contact.poisson"
+            )
+        if is_drawn(layer.modulus) and self.hardness_ratio is not None:
+            raise conflict(
+                "hardness_ratio needs one E*, and layer.modulus is drawn: give hardness [MPa]"
+            )
+
+    def body(self, layer_numbers: Mapping[str, float]) -> "Layered | None":
+        """Return the layered body of a sample.
+
+        Parameters
+        ----------
+        layer_numbers : mapping of str to float
+            Drawn thickness [um] and modulus [MPa] of its layer, by the names in `Layer.drawn`.
+
+        Returns
+        -------
+        bem.Layered or None
+            The body; None for half-spaces.
+        """
+        if self.layer is None:
+            return None
+        import bem  # here, so that commands that solve nothing do not wait for it
+
+        base: HalfSpace | Literal["rigid"] = "rigid"
+        if self.layer.base == "elastic":
+            base = bem.HalfSpace(self.modulus, self.poisson)
+        numbers = {
+            LAYER_THICKNESS: limits(self.layer.thickness).smallest,
+            LAYER_MODULUS: limits(self.layer.modulus).smallest,
+            **layer_numbers,
+        }
+        return bem.Layered(
+            thickness=numbers[LAYER_THICKNESS],
+            modulus=numbers[LAYER_MODULUS],
+            poisson=self.layer.poisson,
+            base=base,
+        )
+
     def _require(self, key: str, allowed: str) -> None:
         """Raise an error unless a key has the only value allowed on a patch without edges."""
         value = getattr(self, key)
@@ -102,8 +189,28 @@ class Contact(Table):
 
     @property
     def e_star(self) -> float:
-        """Plane-strain modulus E* = E / (1 - nu^2) [MPa]."""
+        """Plane-strain modulus E* = E / (1 - nu^2) [MPa].
+
+        It is that of the layer if there is one; of a drawn modulus, the geometric mean of its
+        limits.
+        """
+        if self.layer is not None:
+            low, high = limits(self.layer.modulus)
+            return math.sqrt(low) * math.sqrt(high) / (1 - self.layer.poisson**2)
         return self.modulus / (1 - self.poisson**2)
+
+    @property
+    def layer_text(self) -> str:
+        """The layer and what it lies on, in words; "" for half-spaces."""
+        if self.layer is None:
+            return ""
+        base = f"{self.modulus:.6g} MPa (Poisson's ratio {self.poisson:.6g})"
+        if self.layer.base == "rigid":
+            base = "a rigid base"
+        return (
+            f"{_span_text(self.layer.thickness)} um of {_span_text(self.layer.modulus)} MPa"
+            f" (Poisson's ratio {self.layer.poisson:.6g}) on {base}"
+        )
 
     @property
     def hardness_unit(self) -> float:
@@ -150,7 +257,7 @@ class Contact(Table):
         This stands in for whether the user gave a modulus, because the scene of a database has all
         keys.
         """
-        return self.modulus != 1.0
+        return self.modulus != 1.0 or self.layer is not None
 
     @property
     def draws_hardness(self) -> bool:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
-from gen.generation.completion import completed
+from gen.generation.completion import completed, recorded_scene
 from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows
 from gen.generation.trial import doubts_before
@@ -242,7 +242,13 @@ class Growth:
             If the input cannot be used, the budget is too small for a first surrogate, or rows are
             too few for a surrogate at the row limit or the size of number `PATIENT`.
         """
-        scene = completed(self.scene, self.path.parent, rehearsed=True)
+        scene = completed(
+            self.scene,
+            self.path.parent,
+            rehearsed=True,
+            recorded=recorded_scene(self.path, self.scene),
+            watched=True,
+        )
         with database.lock(self.path):
             _check_request(self.request, scene)
             for doubt in doubts_before(scene, self.row_limit):

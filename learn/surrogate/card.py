@@ -145,6 +145,9 @@ def _unusual(rows: Dataset, databases: list[dict[str, Any]]) -> dict[str, Any]:
     boundary = rows.origins[0].scene.contact.boundary
     if boundary != "free":
         unusual["boundary"] = boundary
+    layer = rows.origins[0].scene.contact.layer_text
+    if layer:
+        unusual["layer"] = layer
     limits = limits_of([origin.scene for origin in rows.origins])
     if limits is not None:
         unusual["hardness_ratio"] = list(limits)
@@ -482,6 +485,8 @@ def _training_text(card: Mapping[str, Any]) -> str:
     boundary = card.get("boundary", "free")
     if boundary != "free":
         text += f", {boundary} boundary"
+    if "layer" in card:
+        text += f", a layer of {card['layer']}"
     return text
 
 

@@ -257,6 +257,11 @@ def _learnt_load(
     by kind. Raises InputError if the surrogate has not learnt a load or a target that the law
     needs, or if the order gives loads that the surrogate cannot answer for.
     """
+    if "layer" in surrogate.card:
+        raise InputError(
+            f"the surrogate holds for a layer of {surrogate.card['layer']}: laws are those of"
+            " half-spaces"
+        )
     load = surrogate.features.load
     kind: Load = "delta" if load == "delta" else "pressure"
     result = "force" if kind == "delta" else "delta"

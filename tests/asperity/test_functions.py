@@ -118,6 +118,30 @@ def test_wrong_questions_are_refused(question, words):
         asperity.SceneFunction("quick")(**question)
 
 
+def test_a_scene_with_an_accuracy_is_solved_on_its_grid():
+    text = """samples = 2
+[surface]
+generator = "spectral"
+nodes = 64
+side = 100.0
+roll_off = 50.0
+cut_off = 30.0
+rms_slope = { choice = [0.1] }
+[load]
+quantity = "pressure"
+range = 0.02
+[contact]
+boundary = "periodic"
+[accuracy]
+continuum_area = 0.1
+"""
+    area = asperity.SceneFunction(Scene.parse(text, "test"), ["continuum_area_percent"])
+    answer = area(rms_slope=0.1, pressure=0.02)
+    on_finer_grid = area(rms_slope=0.1, pressure=0.02, nodes=128)
+    assert answer == pytest.approx(on_finer_grid, rel=0.1)
+    assert area.scene.grid.shape < (64, 64)
+
+
 def test_unknown_outputs_are_refused():
     words = r"colour: outputs are area_percent, force, delta, "
     with pytest.raises(InputError, match=words):

@@ -174,7 +174,6 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
     monkeypatch.setattr(times, "PERIODIC_SOLVERS", (None, Stub()))
     monkeypatch.setattr(times, "installed", list)
     monkeypatch.setattr(times, "missing", lambda _: {})
-    monkeypatch.setattr(times, "PRESSURES", (0.2,))
     monkeypatch.setattr(times, "TRUTH_IN_WAVE", 32)
     monkeypatch.setattr(times, "MAP_IN_WAVE", 16)
     monkeypatch.setattr(times, "TURN", 1e-6)
@@ -204,7 +203,7 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
 
 
 def test_a_solver_that_fails_is_left_out(monkeypatch, capsys):
-    rough = Rough.drawn(waves=4, pressure=0.2, number=0)
+    rough = Rough.drawn(waves=4, number=0)
     grid = times._Grid.solved(rough, 8)
 
     class Failing(Stub):

@@ -3,9 +3,19 @@
 import numpy as np
 import pytest
 
+import bem
 from bem.checks import LARGEST as LARGEST_COMPUTED
 from gen.maps.answers import require_conductivities
-from gen.material import LARGEST, MOST_VALUES, Bodies, Gas, combined_modulus, loads_from
+from gen.material import (
+    LARGEST,
+    MOST_VALUES,
+    Bodies,
+    ElasticBody,
+    Gas,
+    Layer,
+    combined_modulus,
+    loads_from,
+)
 from gen.runtime.errors import InputError
 
 HUGE = "9" * 5000
@@ -121,3 +131,59 @@ def test_pressures_may_be_0_but_not_all_of_them():
 def test_moduli_that_no_material_has_are_refused(young, poisson, e_star, message):
     with pytest.raises(InputError, match=message):
         combined_modulus(young, poisson, e_star)
+
+
+LAYER = Layer(thickness=5.0, material=ElasticBody(2.4, 0.45), on_rigid=False)
+
+
+def test_e_star_of_a_layer_is_that_of_its_own_material():
+    """With a second elastic body it is that of layer and body together."""
+    bodies = Bodies.with_layer(LAYER, [2e5], [0.3], None, None)
+    assert bodies.e_star == pytest.approx(2.4 / (1 - 0.45**2))
+    both = Bodies.with_layer(LAYER, [2e5, 10.0], [0.3, 0.5], None, None)
+    assert both.e_star == pytest.approx(1 / (1 / bodies.e_star + (1 - 0.5**2) / 10))
+    assert both.text == f"E* = {both.e_star:.6g} MPa, layer of 5 um"
+
+
+def test_a_layer_becomes_the_body_that_the_solver_takes():
+    layered = Bodies.with_layer(LAYER, [2e5, 10.0], [0.3, 0.5], None, None).layered
+    on_steel = bem.Layered(5.0, 2.4, 0.45, bem.HalfSpace(2e5, 0.3))
+    assert layered.body == (on_steel, bem.HalfSpace(10.0, 0.5))
+    rigid = Bodies.with_layer(LAYER._replace(on_rigid=True), None, None, None, None)
+    assert rigid.layered.body == bem.Layered(5.0, 2.4, 0.45, "rigid")
+
+
+@pytest.mark.parametrize(
+    ("layer", "material", "message"),
+    [
+        (
+            (5.0, None, None, "elastic"),
+            (),
+            "--layer-thickness: a layer needs --layer-young",
+        ),
+        ((None, 5.0, None, "elastic"), (), "--layer-young: a layer needs --layer-thick"),
+        ((None, None, None, "rigid"), (), "--layer-base rigid: a layer needs"),
+        ((-1.0, 1.0, None, "elastic"), (), "the thickness must be between"),
+        ((1.0, 0.0, None, "elastic"), (), "the modulus must be between"),
+        ((1.0, 1.0, 0.6, "elastic"), (), "--layer-poisson 0.6: must be above -1"),
+        (
+            (1.0, 1.0, 0.3, "elastic"),
+            (None, None, None, None),
+            "give --young of the body",
+        ),
+        ((1.0, 1.0, 0.3, "elastic"), (None, None, 3.0, None), "--e-star does not tell"),
+        ((1.0, 1.0, 0.3, "rigid"), ([3.0], None, None, None), "leave out --young and"),
+        (
+            (1.0, 1.0, 0.3, "elastic"),
+            ([3.0], [0.7], None, None),
+            "--poisson 0.7: must be",
+        ),
+    ],
+)
+def test_layers_that_are_refused(layer, material, message):
+    with pytest.raises(InputError, match=message):
+        Bodies.with_layer(Layer.of(*layer), *material)
+
+
+def test_without_its_options_there_is_no_layer():
+    assert Layer.of(None, None, None, "elastic") is None

@@ -20,7 +20,8 @@ def named(here):
 
 
 def test_a_law_has_a_file_for_each_format(named):
-    assert tuple(LAW_FORMATS) == FIELDS
+    by_stem = [field for field, law_format in LAW_FORMATS.items() if law_format.by_stem]
+    assert tuple(by_stem) == FIELDS
     assert [getattr(named, field) for field in FIELDS[:-1]] == [
         Path("steel.v2.csv"),
         Path("steel.v2.json"),
@@ -37,6 +38,10 @@ def test_the_file_for_4c_has_a_name_that_python_can_import(named):
 def test_a_name_of_its_own_goes_before_that_of_all_files(here):
     files = LawOutputs(header=Path("joint.h")).resolved(Path("steel"), [])
     assert (files.header, files.table) == (Path("joint.h"), Path("steel.csv"))
+
+
+def test_tables_for_further_programs_are_written_by_their_own_options_alone(named):
+    assert (named.moose, named.ansys, named.comsol) == (None, None, None)
 
 
 def test_without_a_name_only_the_files_that_are_named_are_written(here):

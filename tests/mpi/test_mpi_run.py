@@ -66,6 +66,21 @@ fill = true
 quantity = "pressure/(E* slope_rms)"
 range = [0.01, 0.05]
 """
+ACCURATE = """[surface]
+generator = "spectral"
+nodes = 32
+side = 100.0
+roll_off = 50.0
+cut_off = [25.0, 30.0]
+rms_slope = 0.1
+[load]
+quantity = "pressure"
+range = [0.01, 0.02]
+[contact]
+boundary = "periodic"
+[accuracy]
+continuum_area = 0.1
+"""
 MAPS = (
     MadeMap("ground", 0, (120, 90), 0.5, 20.0, faults=Faults(holes=2, tilt=(0.01, 0.0))),
     MadeMap("fractal", 0, (80, 80), 0.5, 20.0, format="gwy"),
@@ -75,6 +90,7 @@ SCENES = {
     "yielding": YIELDING,
     "displaced": DISPLACED,
     "spectral": SPECTRAL,
+    "accurate": ACCURATE,
     "like": LIKE,
     "python": user_functions.SURFACE + user_functions.STORE,
 }

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from maps import waves
 
+import bem
 from gen import cli
 from gen.commands.descriptions import units_of_descriptions
 
@@ -90,3 +91,41 @@ def test_the_unit_of_every_number_of_a_description_is_known():
     words = {"surface", "prepared", "warnings", "law", "units", "boundary"}
     counted = {"nodes_x", "nodes_y", "side_x_um", "side_y_um"}
     assert row.keys() - words - counted <= units_of_descriptions().keys()
+
+
+LAYER = ("--layer-thickness", "5", "--layer-young", "3")
+ON_STEEL = (*LAYER, "--young", "2e5", "--boundary", "periodic")
+
+
+@pytest.mark.usefixtures("maps")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ((*ON_STEEL, "--far-field", "compliant"), "--far-field: leave it out with"),
+        ((*ON_STEEL, "--kernel", "concentrated-force"), "--kernel: leave it out"),
+        ((*ON_STEEL, "--conductivity", "1"), "on half-spaces only"),
+        ((*ON_STEEL, "--error", "3%"), "are those of half-spaces"),
+    ],
+)
+def test_what_does_not_go_with_a_layer_is_refused(options, message, refused):
+    assert message in refused(cli, *CONTACT, "--pressure", "0.1", *options)
+
+
+@pytest.mark.usefixtures("maps")
+@pytest.mark.parametrize("base", ["elastic", "rigid"])
+def test_a_contact_on_a_layer_has_its_numbers_in_the_table(base, capsys):
+    below = ("--young", "2e5", "--poisson", "0.3") if base == "elastic" else ()
+    line = (*CONTACT, "--pressure", "0.1", *LAYER, *below, "--layer-base", base)
+    assert cli.main([*line, "--boundary", "mirror", "--csv", "c.csv"]) == 0
+    with Path("c.csv").open(newline="") as file:
+        (cells,) = csv.DictReader(file)
+    body = bem.Layered(5.0, 3.0, 0.0, bem.HalfSpace(2e5, 0.3) if below else "rigid")
+    contact = bem.solve(
+        np.load("a.npy"), 100.0, pressure=0.1, body=body, boundary="mirror"
+    )
+    assert float(cells["delta_um"]) == pytest.approx(contact.delta, rel=1e-5)
+    assert float(cells["modulus_MPa"]) == 3.0
+    assert float(cells["layer_thickness_um"]) == 5.0
+    assert cells["base"] == base
+    assert ("base_young_MPa" in cells) == (base == "elastic")
+    assert "layer's Young's modulus" in capsys.readouterr().out

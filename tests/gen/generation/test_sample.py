@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 import bem
+from gen.generation.completion import SampleProblem
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
+from gen.quantities import Powers
+from gen.runtime.errors import InputError
 from gen.scene import Scene, columns_for
 from gen.schema import Reason, Status
 from gen.statistics import describe
@@ -233,3 +236,129 @@ def test_a_force_that_is_no_number_is_a_row_with_a_reason(monkeypatch):
     rows = compute_rows(scene(), 0, 2)
     assert set(rows["status"]) == {Status.FAILED}
     assert set(rows["reason"]) == {Reason.NOT_FINITE}
+
+
+LAYERED = """
+samples = 8
+[surface]
+generator = "spectral"
+nodes = 24
+side = 48.0
+roll_off = 16.0
+cut_off = 6.0
+rms_height = 1.0
+[load]
+quantity = "pressure"
+range = [0.01, 0.1]
+[contact]
+boundary = "periodic"
+{material}
+[contact.layer]
+{layer}
+"""
+
+
+def layered(layer, material="modulus = 200.0\npoisson = 0.3"):
+    return Scene.parse(LAYERED.format(layer=layer, material=material), "test")
+
+
+@pytest.mark.parametrize("base", ["elastic", "rigid"])
+def test_rows_of_a_layer_are_those_of_its_body(base):
+    material = "modulus = 200.0\npoisson = 0.3" if base == "elastic" else ""
+    made = layered(
+        f"thickness = [2.0, 8.0]\nmodulus = {{ log_uniform = [1.0, 9.0] }}\nbase = '{base}'",
+        material,
+    )
+    plan, rows = parameters(made, 0, 8), compute_rows(made, 0, 8)
+    thickness, modulus = rows["layer_thickness"], rows["layer_modulus"]
+    assert ((thickness >= 2) & (thickness <= 8)).all()
+    assert ((modulus >= 1) & (modulus <= 9)).all()
+    assert len(set(thickness)) == len(set(modulus)) == 8
+    for row in (0, 5):
+        below = bem.HalfSpace(200.0, 0.3) if base == "elastic" else "rigid"
+        body = bem.Layered(thickness[row], modulus[row], 0.0, below)
+        heights, pressure = surface_of(made, plan, row), plan.load[row]
+        contact = bem.solve(
+            heights, 48.0, pressure=pressure, body=body, boundary="periodic"
+        )
+        assert rows["delta"][row] == contact.delta
+        again = solve_contact(made, heights, pressure=pressure, layer=plan.layer_of(row))
+        assert again.delta == contact.delta
+    with pytest.raises(ValueError, match="every sample of this scene has a layer"):
+        solve_contact(made, heights, pressure=pressure)
+
+
+def test_layers_leave_surfaces_and_loads_as_they_are():
+    made = layered("thickness = [2.0, 8.0]\nmodulus = 3.0")
+    bare = Scene.parse(
+        LAYERED.format(layer="", material="").replace("[contact.layer]", ""), "test"
+    )
+    for name in ("load", "height_rms"):
+        with_layer, without = (compute_rows(each, 0, 8)[name] for each in (made, bare))
+        np.testing.assert_array_equal(with_layer, without)
+    assert "layer_modulus" not in compute_rows(made, 0, 1)  # all samples share it
+
+
+@pytest.mark.parametrize(
+    ("layer", "material", "message"),
+    [
+        ("thickness = 0.0\nmodulus = 1.0", "", "contact.layer.thickness = 0"),
+        ("modulus = 1.0", "", "contact.layer.thickness"),
+        ("thickness = 1.0\nmodulus = 1.0\npoisson = 0.6", "", "contact.layer.poisson"),
+        ("thickness = 1.0\nmodulus = 1.0\nbase = 'soft'", "", "contact.layer.base"),
+        ("thickness = 1.0\nmodulus = 1.0\nbase = 'rigid'", "modulus = 2.0", "leave out"),
+        (
+            "thickness = 1.0\nmodulus = [1.0, 2.0]",
+            "hardness_ratio = 0.1",
+            "hardness_ratio needs one E",
+        ),
+    ],
+)
+def test_layers_that_are_refused(layer, material, message):
+    with pytest.raises(InputError, match=message):
+        layered(layer, material)
+
+
+def test_a_layer_under_mircos_forces_is_refused():
+    text = LAYERED.format(layer="thickness = 1.0\nmodulus = 1.0", material="")
+    forces = '"free"\nkernel = "concentrated-force"'
+    with pytest.raises(InputError, match="a layer needs kernel = 'uniform-pressure'"):
+        Scene.parse(text.replace('"periodic"', forces), "test")
+
+
+def test_layers_too_thin_for_a_free_patch_are_refused():
+    text = LAYERED.format(layer="thickness = [0.3, 1.0]\nmodulus = 1.0", material="")
+    with pytest.raises(InputError, match=r"on a free patch a layer has 0\.417391 um at"):
+        Scene.parse(text.replace('"periodic"', '"free"'), "test")
+
+
+def test_an_accuracy_is_that_of_half_spaces():
+    text = LAYERED.format(layer="thickness = 1.0\nmodulus = 1.0", material="")
+    with pytest.raises(InputError, match=r"leave out contact\.layer"):
+        Scene.parse(text + "[accuracy]\ndelta = 0.05\n", "test")
+
+
+def test_a_relative_load_needs_one_modulus():
+    text = LAYERED.format(layer="thickness = 1.0\nmodulus = [1.0, 2.0]", material="")
+    with pytest.raises(InputError, match="give 'pressure'"):
+        Scene.parse(text.replace('"pressure"', "'pressure/(E* slope_rms)'"), "test")
+
+
+def test_outputs_of_a_layer_are_measured_with_lengths_and_moduli_together():
+    """Twice the lengths make twice the thickness; twice E*, all moduli. Then forces scale."""
+    made = layered("thickness = [2.0, 8.0]\nmodulus = 3.0")
+    plan = parameters(made, 0, 1)
+    problem = SampleProblem(
+        scene=made,
+        row=0,
+        heights=surface_of(made, plan, 0),
+        load=float(plan.load[0]),
+        hardness=None,
+        layer=plan.layer_of(0),
+    )
+    one = problem.solve()
+    for doubled in (Powers(1, 0, 0), Powers(0, 1, 0), Powers(0, 0, 1)):
+        twice = problem.solve(doubled)
+        assert twice.contact_nodes == one.contact_nodes
+        assert twice.force == pytest.approx(2 * one.force, rel=1e-9)
+        assert twice.delta == pytest.approx(2.0**doubled.heights * one.delta, rel=1e-6)

@@ -12,7 +12,7 @@ from strict import json_of
 import bem
 from bem.budget import Budget, ErrorParts, Trial
 from gen import cli
-from gen.law.accuracy import all_in_all, with_bands
+from gen.law.accuracy import all_in_all, cells, with_bands
 from gen.law.curves import Points, tabulated
 from gen.law.lines import Deviation
 from tests.bem.waves import random_waves
@@ -146,7 +146,7 @@ def test_a_load_that_cannot_be_reached_is_left_out_with_the_reason(capsys):
         (["--error", "3%", "--no-grid-error"], "--no-grid-error: leave it out"),
         (
             ["quick", "--error", "3%"],
-            "--error: quick is a scene: give surfaces from files",
+            "--error: 2 inputs with a scene among them: give one scene",
         ),
     ],
 )
@@ -196,6 +196,16 @@ def test_closure_and_stiffness_of_a_free_patch_have_the_errors_of_delta_and_of_b
     half_width = points.high["stiffness_MPa_per_um"] - 4.0
     assert half_width == pytest.approx(0.05 * amplified * 4.0, rel=1e-3)
     assert "pressure_MPa" not in points.low
+
+
+def test_a_table_of_first_touch_alone_has_no_errors():
+    errors = {"area": 0.03}
+    values = {"area_percent": np.zeros(1), "pressure_MPa": np.zeros(1)}
+    at_rest = Points(values, reasons=("",))
+    table = tabulated("delta_um", np.zeros(1), [at_rest, at_rest], 0.9, {})
+    row = cells(table, 0, errors, surfaces=2)
+    assert row["area_relative_error_percent_surface_2"] == ""
+    assert set(row.values()) == {""}
 
 
 def test_lines_between_points_add_their_distance_to_the_error():

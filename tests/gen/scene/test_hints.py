@@ -9,7 +9,7 @@ SPECTRAL = "a key of the generator 'spectral', and this scene has 'diamond-squar
 OF_SURFACE = "the keys of [surface] are against, generator, hurst, nodes, side and sigma0"
 OF_CONTACT = (
     "the keys of [contact] are boundary, far_field, hardness, hardness_ratio, kernel,"
-    " max_iterations, modulus, poisson, rtol and spacing"
+    " layer, max_iterations, modulus, poisson, rtol and spacing"
 )
 SLIPS = {
     "contact.young": "it is called contact.modulus here",

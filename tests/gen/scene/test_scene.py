@@ -20,6 +20,7 @@ from gen.generators import TAGS
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError
 from gen.scene import Piece, Scene, Store, differences, load
+from gen.scene.accuracy import Accuracy
 from gen.scene.tables import Contact, Delta, Load
 
 
@@ -295,11 +296,18 @@ INSTEAD = re.findall(r"^# (\[\w+\]\n(?:# \w.*\n|#  .*\n)+)", PAPER, flags=re.MUL
 """Tables that stand in comments of the paper's scene, in place of those that it has."""
 
 
+SPECTRAL_BLOCK, _, _, _, LOAD_BLOCK, _ = INSTEAD
+
+
 @pytest.mark.parametrize(
-    "block", INSTEAD, ids=["spectral", "scans", "like", "python", "load"]
+    "block", INSTEAD, ids=["spectral", "scans", "like", "python", "load", "accuracy"]
 )
 def test_tables_in_comments_are_scenes(block):
-    needed = INSTEAD[-1] if "scans" in block or "like" in block else ""
+    needed = ""
+    if "scans" in block or "like" in block:
+        needed = LOAD_BLOCK
+    if "[accuracy]" in block:
+        needed = SPECTRAL_BLOCK
     text = re.sub(r"^# ?", "", block + needed, flags=re.MULTILINE)
     scene = Scene.parse(f"samples = 3\n{text}", "comments")
     assert scene.fingerprint() != load("paper").fingerprint()
@@ -307,7 +315,7 @@ def test_tables_in_comments_are_scenes(block):
 
 def test_the_papers_scene_names_every_key():
     """But for those that a run writes itself, and further quantities, which `gen columns` lists."""
-    tables = [Scene, Load, Delta, Piece, Contact, Store, *TAGS.values()]
+    tables = [Scene, Load, Delta, Piece, Contact, Accuracy, Store, *TAGS.values()]
     keys = {name for table in tables for name in table.model_fields}
     keys -= {"source", "powers", "found", "against_found"}
     keys -= {quantity.name for quantity in stored_quantities() if not quantity.early}
@@ -322,6 +330,9 @@ store = { perimeter = true }
 
 surface = { generator = "spectral", roll_off = 80.0, cut_off = 40.0, rms_slope = 0.1 }
 load = { quantity = "force", range = { normal = [4.0, 0.5] } }
+
+surface = { generator = "spectral", roll_off = 80.0, cut_off = 40.0, rms_slope = 0.1 }
+accuracy = { continuum_area = 0.01, stiffness = 0.1 }
 
 surface = { generator = "python", function = "a:b", parameters = { c = [1, 2] } }
 store = { function = "a:d", outputs = { e = "um" }, least = { e = 0.0 } }

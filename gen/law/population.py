@@ -1,0 +1,772 @@
+"""The population of a scene, sampled on nested grids until the means of a law are within errors.
+
+Each surface of the scene is made on its own grid and read on coarser ones of the same patch, with
+the waves that these have and with its own datum (`bem.coarsening`). Samples are taken and judged as
+`gen.law.multilevel` says. Surfaces are numbered as in a database of the scene, and each number is
+used once. Which surfaces are taken follows from their answers and from numbers of convolutions,
+never from times: the same command takes the same surfaces everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bem import NotConverged
+from bem.accuracy import LOOSEST, OF_TOLERANCE, on_coarser_map, work
+from bem.budget import ErrorParts
+from bem.coarsening import Coarsening
+from bem.derived.grid_error import LEAST_ORDER, slope_order
+from bem.problem import NoSolution, Problem, under_load
+from bem.solving import solve_posed
+from gen.arrays import Values
+from gen.doubts import Pressed, contact_doubts
+from gen.law.multilevel import (
+    LARGEST_BIAS,
+    PILOT,
+    PILOT_OF_FINER,
+    Completion,
+    Level,
+    Means,
+    Planner,
+    Refinement,
+    Sample,
+    Sampling,
+    Unreachable,
+    means_of,
+)
+from gen.law.order import Load, Order
+from gen.law.surfaces import LawSurface, surfaces_of_scene
+from gen.maps.accuracy import parts_in_words, percent, quantity_of
+from gen.material import Bodies
+from gen.quantities import LOADS, STIFFNESS, Quantity
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import RunProgress
+
+if TYPE_CHECKING:
+    from gen.scene import Scene
+
+FEWEST_NODES = 16
+"""Fewest nodes along an axis of a grid that is sampled."""
+
+FIRST_LEVELS = 3
+"""Number of grids that are sampled before a finer one is taken only if it is needed."""
+
+FEWEST_OF_MANY = 32
+"""Fewest nodes along an axis where more than `FIRST_LEVELS` grids have as many: contacts on smaller
+grids take hardly less time."""
+
+OF_SURFACE = 2.0
+"""Cost of making a surface and reading it on coarser grids, in convolutions on the grid of the
+scene [1]. Measured on spectral surfaces of 257 and 513 nodes a side."""
+
+OF_CONTACT = work((256, 256))
+"""Cost of a contact on any grid besides its convolutions, in the unit of `bem.accuracy.work`: a
+contact on 17 nodes a side takes as long as one convolution on 256."""
+
+Stopping = Callable[[], bool]
+"""Function that tells whether to stop before the errors are met."""
+
+
+def quantity_in_law(name: str) -> Quantity:
+    """Return the quantity of laws that an error is about.
+
+    Parameters
+    ----------
+    name : str
+        Name of an answer in `bem.accuracy.ANSWERS`.
+
+    Returns
+    -------
+    Quantity
+        The quantity; for "stiffness" that of the interface.
+    """
+    return STIFFNESS if name == "stiffness" else quantity_of(name)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The order of the answers of a sample: quantities at first touch, then under each load.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+        Quantities that are read off each contact.
+    loads : mapping of str to ndarray
+        Ascending loads of each table, (k,), by their kind [um or MPa].
+    """
+
+    quantities: tuple[Quantity, ...]
+    loads: Mapping[Load, Values]
+
+    @property
+    def columns(self) -> int:
+        """Number of first touch and all loads together."""
+        return 1 + sum(loads.size for loads in self.loads.values())
+
+    def places(self, load: Load) -> slice:
+        """Return the columns of the loads of a table.
+
+        Parameters
+        ----------
+        load : {"delta", "pressure"}
+            Kind of the loads.
+
+        Returns
+        -------
+        slice
+            Columns of an array of shape (quantities, columns).
+        """
+        first = 1
+        for kind, loads in self.loads.items():
+            if kind == load:
+                return slice(first, first + loads.size)
+            first += loads.size
+        raise KeyError(load)
+
+    @property
+    def loads_in_order(self) -> list[tuple[Load, float]]:
+        """Kind and value of each load, in the order of the columns after first touch."""
+        return [
+            (kind, load) for kind, loads in self.loads.items() for load in loads.tolist()
+        ]
+
+    def by_quantity(self, answers: NDArray[Any]) -> NDArray[Any]:
+        """Return answers (m,) as an array of shape (quantities, columns).
+
+        Parameters
+        ----------
+        answers : ndarray, shape (m,)
+            Numbers in the order of this layout.
+
+        Returns
+        -------
+        ndarray, shape (quantities, columns)
+            The same numbers.
+        """
+        return answers.reshape(len(self.quantities), self.columns)
+
+    def asked(self, errors: Mapping[str, float], requested: tuple[Load, ...]) -> Values:
+        """Return the largest relative error of each answer.
+
+        Parameters
+        ----------
+        errors : mapping of str to float
+            Errors by the names of the answers in `bem.accuracy.ANSWERS` [1].
+        requested : tuple of str
+            Kinds of the loads whose tables have these errors.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            The errors, infinite for answers that may have any. A load of 0 is exact.
+        """
+        asked = np.full((len(self.quantities), self.columns), math.inf)
+        for name, error in errors.items():
+            row = self.quantities.index(quantity_in_law(name))
+            for load in requested:
+                asked[row, self.places(load)] = np.where(
+                    self.loads[load] > 0, error, math.inf
+                )
+        return asked.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class _GridAnswers:
+    """Answers of a surface on one grid.
+
+    Attributes
+    ----------
+    values : ndarray, shape (m,)
+        Answers, NaN under a load that has no solution, or is not solved.
+    convolutions : float
+        Convolutions of all contacts, in convolutions on the grid of the scene [1].
+    pressed : list of Pressed
+        Numbers of the solved contacts, from which doubts follow.
+    """
+
+    values: Values
+    convolutions: float
+    pressed: list[Pressed]
+
+
+@dataclass(eq=False)
+class Sampler:
+    """The solver of the surfaces of a scene on nested grids.
+
+    Attributes
+    ----------
+    order : Order
+        The request for the law.
+    scene : Scene
+        The scene, with the boundary of the law.
+    text : str
+        Input that names the scene.
+    bodies : Bodies
+        Material of the bodies.
+    layout : Layout
+        Loads and quantities.
+    tolerance : float
+        Tolerance of the solver [Delta].
+    full_contact : float
+        Smallest displacement of full contact of the surfaces that were solved beyond it [um].
+    faults : dict
+        The first reason why a contact was not solved, by the kind and the value of its load.
+    doubts : list of str
+        First doubts about the contacts of the first surfaces.
+    """
+
+    order: Order
+    scene: Scene
+    text: str
+    bodies: Bodies
+    layout: Layout
+    tolerance: float
+    full_contact: float = math.inf
+    faults: dict[tuple[Load, float], str] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Nodes (nx, ny) of the grid of the scene."""
+        return self.scene.grid.shape
+
+    def nested_grids(self) -> list[tuple[int, int]]:
+        """Return the grids, from the coarsest one to that of the scene.
+
+        Returns
+        -------
+        list of tuple of int
+            Nodes (mx, my); each grid has half of the nodes a side of the next one.
+        """
+        nodes = self.shape
+        grids = [nodes]
+        while min(nodes) >= 2 * FEWEST_NODES - 1:
+            nodes = (nodes[0] + 1) // 2, (nodes[1] + 1) // 2
+            if len(grids) >= FIRST_LEVELS and min(nodes) < FEWEST_OF_MANY:
+                break
+            grids.append(nodes)
+        return grids[::-1]
+
+    def surface(self, number: int) -> LawSurface:
+        """Make a surface of the scene.
+
+        Parameters
+        ----------
+        number : int
+            Index of the surface, as in a database of the scene.
+
+        Returns
+        -------
+        LawSurface
+            The surface.
+        """
+        [surface] = surfaces_of_scene(self.scene, self.text, range(number, number + 1))
+        return surface
+
+    def posed(self, surface: LawSurface) -> Problem:
+        """Pose the contact of a surface at first touch, with the bodies and the tolerance.
+
+        Parameters
+        ----------
+        surface : LawSurface
+            The surface.
+
+        Returns
+        -------
+        Problem
+            The problem with a datum, so that the cells of all grids cover the same patch.
+        """
+        return replace(
+            surface.posed(self.bodies.e_star),
+            hardness=self.bodies.hardness,
+            rtol=self.tolerance,
+            max_iterations=self.scene.contact.max_iterations,
+            datum=0.0,
+        )
+
+    def sample(
+        self, number: int, nodes: tuple[int, int], coarser: tuple[int, int] | None
+    ) -> Sample:
+        """Solve a surface on a grid, and on the next coarser one.
+
+        Parameters
+        ----------
+        number : int
+            Index of the surface.
+        nodes : tuple of int
+            Nodes (mx, my) of the grid.
+        coarser : tuple of int or None
+            Nodes of the coarser grid; None to leave it out.
+
+        Returns
+        -------
+        Sample
+            The answers on both grids.
+        """
+        surface = self.surface(number)
+        problem = self.posed(surface)
+        coarsening = Coarsening(problem.heights, problem.boundary, problem.aspect)
+        at_rest = self._at_rest(problem)
+        first_touch = coarsening.on(nodes)
+        on_grid = on_coarser_map(problem, first_touch)
+        answers = self._answers(on_grid, at_rest)
+        convolutions = answers.convolutions
+        cost = OF_SURFACE + convolutions + self.cost_of_contacts
+        coarser_values: Values | None = None
+        coarser_cost = 0.0
+        if coarser is not None:
+            on_coarser = on_coarser_map(problem, coarsening.on(coarser))
+            of_coarser = self._answers(on_coarser, at_rest)
+            coarser_values = of_coarser.values
+            convolutions += of_coarser.convolutions
+            coarser_cost = of_coarser.convolutions + self.cost_of_contacts
+        if number < PILOT and answers.pressed:
+            load = self.order.requested[0]
+            self.doubts += contact_doubts(
+                surface.heights, self.bodies, load, answers.pressed
+            )[:1]
+        return Sample(
+            values=answers.values,
+            coarser_values=coarser_values,
+            waves_dropped=first_touch.dropped,
+            slope_order=slope_order(on_grid.heights, problem.boundary),
+            cost=cost,
+            coarser_cost=coarser_cost,
+            convolutions=convolutions,
+        )
+
+    @property
+    def cost_of_contacts(self) -> float:
+        """Cost of the contacts under all loads besides their convolutions, in the same unit."""
+        return (self.layout.columns - 1) * OF_CONTACT / work(self.shape)
+
+    def _at_rest(self, problem: Problem) -> Values:
+        """Return all quantities at first touch, (quantities,)."""
+        try:
+            return np.array(
+                [
+                    quantity.resting(problem, self.order.media)
+                    for quantity in self.layout.quantities
+                ]
+            )
+        except (ValueError, ArithmeticError) as error:
+            raise InputError(f"{self.text}: {error}") from None
+
+    def _answers(self, problem: Problem, at_rest: Values) -> _GridAnswers:
+        """Solve a problem under all loads. `at_rest` are its answers there, (quantities,)."""
+        layout = self.layout
+        values = np.full((len(layout.quantities), layout.columns), np.nan)
+        values[:, 0] = at_rest
+        convolutions = 0.0
+        pressed: list[Pressed] = []
+        for column, (kind, load) in enumerate(layout.loads_in_order, 1):
+            try:
+                contact = solve_posed(_under(problem, kind, load))
+                convolutions += contact.convolutions
+                values[:, column] = [
+                    quantity.in_law(contact, self.order.media)
+                    for quantity in layout.quantities
+                ]
+            except NoSolution:
+                full = problem.datum_height - float(problem.heights.mean())
+                self.full_contact = min(self.full_contact, full)
+                continue
+            except ArithmeticError as error:
+                if isinstance(error, NotConverged):
+                    convolutions += error.contact.convolutions
+                self.faults.setdefault((kind, load), str(error))
+                continue
+            pressed.append(
+                Pressed(
+                    delta=contact.delta,
+                    largest_pressure=contact.largest_pressure,
+                    is_full=contact.contact_nodes == contact.pressure.size,
+                )
+            )
+        share = work(problem.heights.shape) / work(self.shape)
+        return _GridAnswers(values.ravel(), convolutions * share, pressed)
+
+
+def _under(problem: Problem, kind: Load, value: float) -> Problem:
+    """Return a problem under a load [um or MPa]."""
+    if kind == "delta":
+        return under_load(problem, value)
+    return under_load(problem, None, pressure=value)
+
+
+@dataclass(frozen=True)
+class SampledGrid:
+    """A grid of a law of means, and its surfaces.
+
+    Attributes
+    ----------
+    nodes : tuple of int
+        Nodes (mx, my).
+    surfaces : tuple of int
+        Indices of the surfaces that were solved on it.
+    is_counted : bool
+        False if the grid was found not to be worth its samples, and is not in the means.
+    convolutions : float
+        Convolutions of its contacts, in convolutions on the grid of the scene [1].
+    """
+
+    nodes: tuple[int, int]
+    surfaces: tuple[int, ...]
+    is_counted: bool
+    convolutions: float
+
+
+class PopulationSearch:
+    """The sampling of a population until means have the errors that are asked for.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Solver of the surfaces.
+    planner : Planner
+        Choice of grids and numbers of surfaces.
+    stopping : callable
+        Function that tells whether to stop.
+    """
+
+    def __init__(self, sampler: Sampler, planner: Planner, stopping: Stopping) -> None:
+        self.sampler = sampler
+        self.planner = planner
+        self.stopping = stopping
+        self.grids = sampler.nested_grids()
+        self.levels: list[Level] = []
+        self.surfaces: list[list[int]] = []  # indices of the surfaces of each level
+        self.coarsest = 0  # index of the coarsest level that is in the means
+        self.stopped = False
+
+    @property
+    def next_surface(self) -> int:
+        """Index of the first surface that is not used yet."""
+        return sum(map(len, self.surfaces))
+
+    @property
+    def means(self) -> Means:
+        """The means from all samples that there are."""
+        return means_of(self.counted_levels, self.planner.tolerance)
+
+    @property
+    def counted_levels(self) -> list[Level]:
+        """The levels that are in the means. A last one with too few surfaces is left out."""
+        levels = self.levels[self.coarsest :]
+        while len(levels) > 1 and levels[-1].number < 2:
+            levels.pop()
+        return levels
+
+    @property
+    def sampled_grids(self) -> list[SampledGrid]:
+        """All grids with their surfaces."""
+        counted = self.counted_levels
+        return [
+            SampledGrid(
+                nodes=level.nodes,
+                surfaces=tuple(surfaces),
+                is_counted=level in counted,
+                convolutions=level.convolutions,
+            )
+            for level, surfaces in zip(self.levels, self.surfaces, strict=True)
+            if level.samples
+        ]
+
+    def run(self) -> None:
+        """Sample the population until the errors are met, or until it has to stop.
+
+        Raises
+        ------
+        InputError
+            If the errors are not reachable on the grid of the scene, or if it had to stop before
+            two surfaces were solved.
+        """
+        with RunProgress(PILOT, "surfaces") as progress:
+            for _ in range(min(FIRST_LEVELS, len(self.grids))):
+                self._refine(PILOT, progress)
+            while not self.must_stop():
+                step = self.planner.next_step(
+                    self.levels[self.coarsest :], self._cost_of_finer()
+                )
+                match step:
+                    case Completion():
+                        break
+                    case Refinement():
+                        self._refine(PILOT_OF_FINER, progress)
+                    case Sampling():
+                        self.coarsest += step.coarsest
+                        self._sample_more(step, progress)
+                    case Unreachable():
+                        raise InputError(self._unreachable())
+        if self.levels[0].number < 2:
+            raise InputError(
+                "stopped before two surfaces were solved: there are no means"
+            )
+
+    def must_stop(self) -> bool:
+        """Tell whether to stop, and note it.
+
+        Returns
+        -------
+        bool
+            True if it has to, or had to before.
+        """
+        self.stopped = self.stopped or self.stopping()
+        return self.stopped
+
+    def _refine(self, surfaces: int, progress: RunProgress) -> None:
+        """Take the next finer grid, and solve some surfaces on it."""
+        self.levels.append(Level(self.grids[len(self.levels)]))
+        self.surfaces.append([])
+        number = len(self.levels) - 1
+        progress.expect(self.next_surface + surfaces)
+        self._sample(number, surfaces, progress)
+
+    def _sample_more(self, step: Sampling, progress: RunProgress) -> None:
+        """Solve more surfaces on all grids, as a step says, beginning with the coarsest."""
+        counts = dict(enumerate(step.numbers, self.coarsest))
+        more = {
+            level: max(count - self.levels[level].number, 0)
+            for level, count in counts.items()
+        }
+        progress.expect(self.next_surface + sum(more.values()))
+        for level, number in more.items():
+            self._sample(level, number, progress)
+
+    def _sample(self, number: int, surfaces: int, progress: RunProgress) -> None:
+        """Solve some further surfaces on a level by its number, unless it has to stop."""
+        level = self.levels[number]
+        coarser = self.grids[number - 1] if number > self.coarsest else None
+        for _ in range(surfaces):
+            if self.must_stop():
+                return
+            index = self.next_surface
+            level.samples.append(self.sampler.sample(index, level.nodes, coarser))
+            self.surfaces[number].append(index)
+            progress.advance(rows=1)
+
+    def _cost_of_finer(self) -> float | None:
+        """Return the expected cost of a sample on the next finer grid; None if there is none.
+
+        It takes as many convolutions as on the finest grid that there is.
+        """
+        if len(self.levels) == len(self.grids):
+            return None
+        finest = self.levels[-1]
+        same = OF_SURFACE + self.sampler.cost_of_contacts
+        ratio = work(self.grids[len(self.levels)]) / work(finest.nodes)
+        return finest.cost + same + ratio * max(finest.cost - same, 0.0)
+
+    def _unreachable(self) -> str:
+        """Say which errors are not reachable, what the best ones are, and what helps."""
+        rows, columns = self.sampler.shape
+        errors = self.sampler.order.errors or {}
+        worst = worst_errors(self.sampler.layout, self.means, self.planner.asked, errors)
+        unmet = [
+            error.text
+            for error in worst
+            if error.parts.bias > LARGEST_BIAS * error.parts.asked_error
+        ]
+        return (
+            f"{self.sampler.text}: not reachable on the {rows} x {columns} nodes of the scene,"
+            f" however many surfaces: {'; '.join(unmet)}: ask for no less, or give the scene more"
+            " nodes"
+        )
+
+
+@dataclass(frozen=True)
+class MeanErrorParts(ErrorParts):
+    """Relative error of a mean, kept with a probability of 95 %, by its causes.
+
+    Attributes
+    ----------
+    surfaces : float
+        Error for the finite number of surfaces [1].
+    """
+
+    surfaces: float = 0.0
+
+    @property
+    def bias(self) -> float:
+        """Error that more surfaces do not reduce [1]."""
+        return super().total
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of the squares of all parts [1]."""
+        return math.hypot(self.bias, self.surfaces)
+
+    @classmethod
+    def of(cls, means: Means, place: int, asked_error: float) -> MeanErrorParts:
+        """Return the relative error of one of several means.
+
+        Parameters
+        ----------
+        means : Means
+            Means and their absolute errors.
+        place : int
+            Index of the mean.
+        asked_error : float
+            The error that was asked for [1].
+
+        Returns
+        -------
+        MeanErrorParts
+            The error, infinite of a mean of 0.
+        """
+        value = abs(float(means.mean[place]))
+        parts = [means.grid, means.waves, means.solver, means.surfaces]
+        shares = [float(part[place]) / value if value > 0 else math.inf for part in parts]
+        return cls(asked_error, *shares)
+
+
+@dataclass(frozen=True)
+class WorstError:
+    """The error of an answer at that load of a law where it is the largest part of what was asked.
+
+    Attributes
+    ----------
+    name : str
+        Name of the answer.
+    load : str
+        The load with its unit.
+    parts : MeanErrorParts
+        The error.
+    """
+
+    name: str
+    load: str
+    parts: MeanErrorParts
+
+    @property
+    def text(self) -> str:
+        """The error with its parts, in words."""
+        return (
+            f"{quantity_of(self.name).noun} within {percent(self.parts.total)} at 95 %,"
+            f" {parts_in_words(self.parts)}, surfaces {percent(self.parts.surfaces)} (at"
+            f" {self.load})"
+        )
+
+
+def worst_errors(
+    layout: Layout, means: Means, asked: Values, names: Iterable[str]
+) -> list[WorstError]:
+    """Return the largest error of each answer that was asked for.
+
+    Parameters
+    ----------
+    layout : Layout
+        Order of the answers.
+    means : Means
+        Means and their errors.
+    asked : ndarray, shape (m,)
+        Largest relative errors, see `Layout.asked` [1].
+    names : iterable of str
+        Names of the answers that have errors.
+
+    Returns
+    -------
+    list of WorstError
+        One for each answer that has an error at a load.
+    """
+    places = layout.by_quantity(np.arange(asked.size))
+    worst: list[WorstError] = []
+    for name in names:
+        row = layout.quantities.index(quantity_in_law(name))
+        candidates = [
+            WorstError(
+                name=name,
+                load=_load_at(layout, column),
+                parts=MeanErrorParts.of(means, int(place), float(asked[place])),
+            )
+            for column, place in enumerate(places[row])
+            if math.isfinite(asked[place]) and math.isfinite(means.mean[place])
+        ]
+        if candidates:
+            worst.append(
+                max(
+                    candidates,
+                    key=lambda error: error.parts.total / error.parts.asked_error,
+                )
+            )
+    return worst
+
+
+def _load_at(layout: Layout, column: int) -> str:
+    """Write the load of a column of a layout, which is not first touch, with its unit."""
+    kind, load = layout.loads_in_order[column - 1]
+    return f"{load:.4g} {LOADS[kind].unit}"
+
+
+def tolerance_for(errors: Mapping[str, float]) -> float:
+    """Return the tolerance of the solver for some errors.
+
+    Parameters
+    ----------
+    errors : mapping of str to float
+        Largest relative errors of answers [1].
+
+    Returns
+    -------
+    float
+        The tolerance [Delta].
+    """
+    return min(OF_TOLERANCE * min(errors.values()), LOOSEST)
+
+
+def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
+    """Refuse a scene whose means cannot have an error, before anything is solved.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Solver of the surfaces.
+    surfaces : sequence of LawSurface
+        The first surfaces of the scene.
+
+    Raises
+    ------
+    InputError
+        If contacts of the scene belong to their grid, a load is not allowed, the surfaces have too
+        few nodes, or their waves go on down to the grid.
+    """
+    contact = sampler.scene.contact
+    for key, allowed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
+        value = getattr(contact, key)
+        if value != allowed:
+            raise InputError(
+                f"{sampler.text}: contact.{key} = {value!r}: with --error use {allowed!r},"
+                " because answers of the other one belong to their grid"
+            )
+    rows, columns = sampler.shape
+    if len(sampler.nested_grids()) < 2:
+        raise InputError(
+            f"{sampler.text}: {rows} x {columns} nodes: --error needs {2 * FEWEST_NODES - 1}"
+            " nodes a side or more, because coarser grids tell the error"
+        )
+    problems = [sampler.posed(surface) for surface in surfaces]
+    _refuse_loads(sampler, problems[0])
+    orders = [slope_order(problem.heights, problem.boundary) for problem in problems]
+    if float(np.median(orders)) < LEAST_ORDER:
+        raise InputError(
+            f"{sampler.text}: waves go on down to the grid, so that the area of contact has no"
+            " limit and no error can be promised: give a scene whose shortest wave has 8 nodes or"
+            " more, as generator = 'spectral' with a cut_off"
+        )
+
+
+def _refuse_loads(sampler: Sampler, problem: Problem) -> None:
+    """Refuse loads that no surface can have; a displacement of full contact is no such load."""
+    for kind, load in sampler.layout.loads_in_order:
+        try:
+            _under(problem, kind, load)
+        except ValueError as error:
+            if kind == "delta" and isinstance(error, NoSolution):
+                continue
+            raise InputError(f"{sampler.text}: {error}") from None

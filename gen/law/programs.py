@@ -1,0 +1,295 @@
+"""A contact law as tables for MOOSE, Ansys and COMSOL, with all of its columns.
+
+The three programs join the points of a table by straight lines:
+
+- MOOSE reads a CSV file by `PiecewiseLinear` (its source PiecewiseTabularBase.C): lines that begin
+  with "#" are comments, and `x_title` and `y_title` choose columns by their titles.
+- Ansys reads APDL: `*DIM, NAME, TABLE, rows, 1, 1, PRESSURE` and the numbers of the table. The
+  primary variable PRESSURE is positive in compression, GAP is positive where bodies overlap
+  (Mechanical APDL Basic Analysis Guide, section 2.5.15).
+- COMSOL reads its spreadsheet format: rows of numbers, the argument first, then a column for each
+  function; "%" begins a comment (COMSOL Programming Reference Manual, "Spreadsheet Data Format").
+
+None of the three programs was run on these files.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gen.arrays import Values
+from gen.law.contact_law import Law
+from gen.law.cubics import short_name
+from gen.law.finite_elements import UNITS, comment, description, rising
+from gen.options import Units
+from gen.quantities import CLOSURE, IN_LAWS, PRESSURE
+from gen.runtime import files
+
+LONGEST_NAME = 32
+"""Largest number of letters of the name of an array in APDL."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A quantity of a law at its points, in the units of a file."""
+
+    name: str  # short name, such as "conductance"
+    unit: str  # unit in the file, such as "W/(m2 K)"
+    values: Values  # (k + 1,)
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramTable:
+    """A law over the pressure from first touch on, in the units of a file."""
+
+    pressure: Column
+    closure: Column
+    others: tuple[Column, ...]
+
+
+def write_for_moose(path: Path, law: Law, units: Units) -> list[Path]:
+    """Write a law as the CSV file of functions of MOOSE.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    law : Law
+        The law, which closes somewhere.
+    units : {"mm", "si", "um"}
+        System of units of the file.
+
+    Returns
+    -------
+    list of Path
+        The file.
+    """
+    table = program_table(law, units)
+    columns = [table.pressure, table.closure, *table.others]
+    lines = [*_head(law, units, table, "# ")]
+    lines += comment([_units_in_words(columns)], "# ")
+    lines.append(",".join(column.name for column in columns))
+    lines += [",".join(row) for row in _rows(columns)]
+    return _written(path, lines)
+
+
+def write_for_ansys(path: Path, law: Law, units: Units) -> list[Path]:
+    """Write a law as tables of Ansys' APDL, one for each column.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    law : Law
+        The law, which closes somewhere.
+    units : {"mm", "si", "um"}
+        System of units of the file.
+
+    Returns
+    -------
+    list of Path
+        The file.
+    """
+    table = program_table(law, units)
+    lines = [*_head(law, units, table, "! ")]
+    beginning = _beginning_of_names(path)
+    lines += _apdl_table(beginning, table.closure, table.pressure, "GAP")
+    for column in (table.closure, *table.others):
+        lines += _apdl_table(beginning, table.pressure, column, "PRESSURE")
+    return _written(path, lines)
+
+
+def write_for_comsol(path: Path, law: Law, units: Units) -> list[Path]:
+    """Write a law as two files of interpolation functions of COMSOL.
+
+    The first one has all columns over the pressure, the second one, with "-closure" after its stem,
+    the pressure over the closure.
+
+    Parameters
+    ----------
+    path : Path
+        The first file.
+    law : Law
+        The law, which closes somewhere.
+    units : {"mm", "si", "um"}
+        System of units of the files.
+
+    Returns
+    -------
+    list of Path
+        Both files.
+    """
+    table = program_table(law, units)
+    over_pressure = [table.pressure, table.closure, *table.others]
+    over_closure = [table.closure, table.pressure]
+    written: list[Path] = []
+    for file, columns in (
+        (path, over_pressure),
+        (path.with_stem(f"{path.stem}-closure"), over_closure),
+    ):
+        lines = [*_head(law, units, table, "% ")]
+        functions = ", ".join(column.name for column in columns[1:])
+        about = f"Argument: {columns[0].name}. Functions, in this order: {functions}."
+        lines += comment([about, _units_in_words(columns)], "% ")
+        lines += [" ".join(row) for row in _rows(columns)]
+        written += _written(file, lines)
+    return written
+
+
+def program_table(law: Law, units: Units) -> ProgramTable:
+    """Return the points of a law from first touch on, with all columns that have a value there.
+
+    Parameters
+    ----------
+    law : Law
+        The law, which closes somewhere.
+    units : {"mm", "si", "um"}
+        System of units of the result.
+
+    Returns
+    -------
+    ProgramTable
+        The points. Columns with a value that is not finite are left out.
+
+    Raises
+    ------
+    InputError
+        If the law closes nowhere.
+    """
+    joint = rising(law)
+    table = law.over_pressure
+    places = np.flatnonzero(np.isin(table.at, joint.pressures[1:]))
+    others: list[Column] = []
+    for name, curve in table.curves.items():
+        if name in {CLOSURE.in_laws, PRESSURE.in_laws}:
+            continue
+        at_rest = table.at_rest.get(name, 0.0)
+        values = np.append(at_rest, curve.value[places])
+        if np.isfinite(values).all():
+            others.append(_column(name, values, units))
+    return ProgramTable(
+        pressure=_column(PRESSURE.in_laws, joint.pressures, units),
+        closure=_column(CLOSURE.in_laws, joint.closures, units),
+        others=tuple(others),
+    )
+
+
+def _column(name: str, values: Values, units: Units) -> Column:
+    """Convert values of a quantity of laws, (k + 1,), to the units of a file."""
+    conversion = conversions(units)[IN_LAWS[name].law_unit]
+    return Column(
+        name=short_name(name),
+        unit=conversion.unit,
+        values=conversion.factor * values,
+    )
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """The unit of a quantity in a file, and the value of one unit of laws in it."""
+
+    unit: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class UnitNames:
+    """Names of the units of a system."""
+
+    length: str
+    pressure: str
+    force: str
+    conductance: str
+
+
+UNIT_NAMES: dict[Units, UnitNames] = {
+    "mm": UnitNames("mm", "MPa", "N", "mW/(mm2 K)"),
+    "si": UnitNames("m", "Pa", "N", "W/(m2 K)"),
+    "um": UnitNames("um", "MPa", "uN", "pW/(um2 K)"),
+}
+
+
+def conversions(units: Units) -> dict[str, Conversion]:
+    """Return the conversions from the units of laws to those of a file, by the former.
+
+    Percentages become shares.
+
+    Parameters
+    ----------
+    units : {"mm", "si", "um"}
+        System of units of the file.
+
+    Returns
+    -------
+    dict
+        Conversions for all units of `gen.quantities.IN_LAWS`.
+    """
+    system = UNITS[units]
+    names = UNIT_NAMES[units]
+    pressure = system.pressure
+    length = system.length
+    return {
+        "um": Conversion(names.length, length),
+        "um2": Conversion(f"{names.length}2", length**2),
+        "MPa": Conversion(names.pressure, pressure),
+        "uN": Conversion(names.force, pressure * length**2),
+        "MPa/um": Conversion(f"{names.pressure}/{names.length}", pressure / length),
+        "J/m2": Conversion(f"{names.pressure} {names.length}", pressure * length),
+        "W/(mm2 K)": Conversion(names.conductance, system.conductance),
+        "%": Conversion("share", 0.01),
+        "1": Conversion("1", 1.0),
+    }
+
+
+def _head(law: Law, units: Units, table: ProgramTable, mark: str) -> Iterator[str]:
+    """Yield the comment at the top of a file, whose lines begin with `mark`."""
+    system = UNITS[units]
+    pressures = table.pressure.values / system.pressure
+    yield from comment(description(law, "table", system, pressures, ""), mark)
+
+
+def _units_in_words(columns: list[Column]) -> str:
+    """Return a sentence with the units of columns."""
+    texts = [f"{column.name} [{column.unit}]" for column in columns]
+    return f"Columns and their units: {', '.join(texts)}."
+
+
+def _rows(columns: list[Column]) -> Iterator[list[str]]:
+    """Yield the numbers of each row of a table as texts."""
+    for row in zip(*(column.values.tolist() for column in columns), strict=True):
+        yield [f"{number:.10g}" for number in row]
+
+
+def _beginning_of_names(path: Path) -> str:
+    """Return what the names of a file's tables in APDL begin with: letters, digits and "_"."""
+    stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()
+    if not stem[:1].isalpha():
+        return f"LAW_{stem}".rstrip("_")
+    return stem
+
+
+def _apdl_table(
+    beginning: str, argument: Column, column: Column, variable: str
+) -> Iterator[str]:
+    """Yield the lines of a table in APDL: its dimension, then a line for each number.
+
+    `variable` is the primary variable of the argument, PRESSURE or GAP.
+    """
+    ending = f"_{column.name.upper()}"
+    name = beginning[: LONGEST_NAME - len(ending)] + ending
+    rows = column.values.size
+    yield (f"! {column.name} [{column.unit}] over {argument.name} [{argument.unit}]")
+    yield f"*DIM,{name},TABLE,{rows},1,1,{variable}"
+    pairs = zip(argument.values.tolist(), column.values.tolist(), strict=True)
+    for row, (at, value) in enumerate(pairs, start=1):
+        yield f"{name}({row},0)={at:.10g}"
+        yield f"{name}({row},1)={value:.10g}"
+
+
+def _written(path: Path, lines: list[str]) -> list[Path]:
+    """Write lines to a file, and return its path in a list."""
+    files.write(path, "\n".join(lines) + "\n")
+    return [path]
