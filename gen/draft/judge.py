@@ -52,7 +52,7 @@ ANSWERS: Mapping[str, Callable[[Any], float]] = {
     "area": lambda contact: float(contact.area_percent),
     "mean gap": lambda contact: float(contact.mean_gap),
     "stiffness": lambda contact: float(contact.stiffness),
-    "spots": lambda contact: float(contact.spots.areas.size),
+    "number of spots": lambda contact: float(contact.spots.areas.size),
 }
 """What is compared under each pressure, read off a `bem.Contact`."""
 
