@@ -259,6 +259,13 @@ Like = Annotated[
         help="Instead of MAPS: a map, for a scene of surfaces like it. Again for more of its kind.",
     ),
 ]
+LikeGenerator = Annotated[
+    str,
+    Option(
+        metavar="NAME",
+        help="With --like: spectral (a law) or like (its spectrum), whatever the contact says.",
+    ),
+]
 
 
 class Material(NamedTuple):

@@ -270,7 +270,7 @@ def tabulated_curve(
 
 @functools.lru_cache(maxsize=4)
 def _amplitudes(population: Population, period: tuple[int, int]) -> Values:
-    """Return amplitudes of the waves of a Gaussian field with unit variance on a period [1].
+    """Return moduli of the transform of a Gaussian field with unit variance on a period [1].
 
     The shape is that of `rfft2` of a field with the nodes `period`. Waves of two nodes are left
     out, because two nodes do not determine their phase.
@@ -287,10 +287,7 @@ def _amplitudes(population: Population, period: tuple[int, int]) -> Values:
     powers[:, 2 * numbers_y == ny] = 0.0
     # The transform holds one of two opposite waves, but both in the column of qy = 0.
     total = 2 * powers[:, 1:].sum() + powers[:, 0].sum()
-    amplitudes: Values = nx * ny * np.sqrt(powers / (2 * total))
-    # Of independent noise at both of two opposite waves, the transform keeps half of the power.
-    amplitudes[:, 0] *= math.sqrt(2)
-    return amplitudes
+    return np.asarray(nx * ny * np.sqrt(powers / total))
 
 
 def generate_like(
@@ -309,10 +306,10 @@ def generate_like(
         Nodes (nx, ny) of the surface.
     period : tuple of int
         Nodes of the period out of whose corner the surface is cut, at least those of the shape and
-        at least 4. Over a period, the Gaussian field has the mean 0 and the variance 1, so that all
-        surfaces have the population's distribution of heights.
+        at least 4. On every period the Gaussian field has exactly the population's spectrum, the
+        mean 0 and the variance 1.
     random : numpy.random.Generator
-        Source of the phases and the amplitudes of the waves. The call moves its state.
+        Source of the phases of the waves. The call moves its state.
 
     Returns
     -------
@@ -320,10 +317,13 @@ def generate_like(
         Heights [um]. The nodes have the spacing of the population.
     """
     amplitudes = _amplitudes(population, period)
-    noise: NDArray[np.complex128] = np.empty(amplitudes.shape, dtype=complex)
-    noise.real = random.standard_normal(amplitudes.shape)
-    noise.imag = random.standard_normal(amplitudes.shape)
-    noise *= amplitudes
-    field = np.fft.irfft2(noise, s=period)
-    corner = field[: shape[0], : shape[1]]
-    return population.heights_of(corner / field.std())
+    # Single precision is enough for random phases; moduli are off by 1e-7.
+    phases = random.random(amplitudes.shape, dtype=np.float32) * np.float32(2 * math.pi)
+    waves: NDArray[np.complex128] = np.empty(amplitudes.shape, dtype=complex)
+    np.multiply(amplitudes, np.cos(phases), out=waves.real)
+    np.multiply(amplitudes, np.sin(phases), out=waves.imag)
+    # The transform of real heights has conjugate values at opposite wavevectors.
+    half = (period[0] - 1) // 2
+    waves[-half:, 0] = np.conj(waves[half:0:-1, 0])
+    field = np.fft.irfft2(waves, s=period)
+    return population.heights_of(field[: shape[0], : shape[1]])

@@ -58,8 +58,8 @@ def test_paths_that_a_page_names_are_there(page):
 
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
-    assert [scene.samples for scene in shown] == [2000, 2000, 3000, 300, 200]
-    assert shown[2].surface.generator == "scans"
+    assert [scene.samples for scene in shown] == [2000, 2000, 3000, 3000, 300, 200]
+    assert [shown[2].surface.generator, shown[3].surface.generator] == ["scans", "like"]
 
 
 @pytest.mark.usefixtures("here")
@@ -67,7 +67,8 @@ def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(monkeypatch):
     """The scene with its columns, and one with the function and the parameters of the comments."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     *_, scene = codes("toml", SCENES)
-    module, _ = codes("python", SCENES)  # the other one is a generator, which a test adds
+    # The first one reads a population, the last one is a generator, which a test adds.
+    _, module, _ = codes("python", SCENES)
     function, parameters = re.findall(r"# (generator = .*|parameters = .*)\n", module)
     Path("mine.py").write_text(module)
     Path("shown.toml").write_text(scene.replace("samples = 300", "samples = 6"))

@@ -435,10 +435,15 @@ def scene(
     *,
     output: options.NewScene,
     like: options.Like = None,
+    generator: options.LikeGenerator = "",
     material: options.Material,
     reading: FileReading,
 ) -> None:
     """Examine measured maps and write a scene of their windows, or of surfaces like them.
+
+    With --like, the map and ten surfaces are pressed under three pressures. If area and mean gap
+    are those of the map, the surfaces are taken: those of its self-affine law if it has one,
+    otherwise surfaces with its own spectrum and heights. If not, windows of the map are.
 
     Comments in the scene give the reasons for its values. The scene can be run as it is, and is
     meant to be edited.
@@ -452,4 +457,5 @@ def scene(
         reading=Reading(**vars(reading)),  # with the defaults for all preparation
         bodies=Bodies.of(*material),
         command=recorded_command_line(context, "gen"),
+        generator=generator,
     )

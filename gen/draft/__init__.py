@@ -8,14 +8,18 @@ population to maps of one kind, and `gen.draft.writing` writes the scene.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gen.arrays import Heights
+from gen.draft.judge import Judgement, judge_surfaces, print_judgement
+from gen.draft.likeness import NODES as LAW_NODES
 from gen.draft.likeness import NoLaw, propose_like
-from gen.draft.populations import propose_population
+from gen.draft.populations import LikeMaps, propose_population
 from gen.draft.proposal import propose
 from gen.draft.survey import MapSurvey, print_surveys
 from gen.draft.writing import (
+    preparation_options,
     require_new,
     scene_like,
     scene_of_population,
@@ -25,10 +29,12 @@ from gen.draft.writing import (
 from gen.maps.library import map_files
 from gen.maps.settings import Reading
 from gen.material import Bodies
+from gen.population import generate_like
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import RunProgress, echo
 from gen.scene import Scene
+from gen.surface import Random
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,17 @@ class Draft:
     remarks: Sequence[str] = ()
 
 
+@dataclass(frozen=True)
+class _Order:
+    """What the user wants of a scene for maps."""
+
+    output: Path  # the file to write the scene to
+    reading: Reading  # how files are read
+    bodies: Bodies  # material of the contact
+    command: str  # the command line, which a comment of the scene quotes
+    generator: str  # generator of surfaces like maps; "" to choose it by the contact
+
+
 def draft(
     inputs: Sequence[str],
     like: Sequence[Path],
@@ -51,6 +68,7 @@ def draft(
     reading: Reading,
     bodies: Bodies,
     command: str,
+    generator: str = "",
 ) -> None:
     """Write a scene for maps; print a table of the maps, warnings, and what has been written.
 
@@ -70,6 +88,8 @@ def draft(
         Material of the contact.
     command : str
         The command line, which a comment of the scene quotes.
+    generator : {"", "spectral", "like"}
+        Generator of surfaces like the maps; by default it is chosen by the contact.
 
     Raises
     ------
@@ -82,28 +102,134 @@ def draft(
             "give measured maps (files, folders or patterns) for a scene of their windows, or"
             " --like MAP for surfaces like them"
         )
+    if generator and not like:
+        raise InputError("--generator: needs --like; maps alone give their windows")
+    if generator not in {"", "spectral", "like"}:
+        raise InputError(
+            f"--generator {generator!r}: give spectral (a self-affine law) or like (the map's own"
+            " spectrum)"
+        )
+    if generator == "spectral" and len(like) > 1:
+        raise InputError(
+            "--generator spectral: a law is that of one map; give one --like"
+        )
     require_new(output)
     check_outputs([Output(output, "--output")])
-    if like:
-        drafted = _draft_like(like, output, reading, bodies, command)
-    else:
-        drafted = _draft_windows(inputs, output, reading, bodies, command)
+    order = _Order(
+        output=output,
+        reading=reading,
+        bodies=bodies,
+        command=command,
+        generator=generator,
+    )
+    drafted = _draft_like(order, like) if like else _draft_windows(order, inputs)
     for warning in _warnings(drafted):
         echo(f"warning: {warning}", err=True)
     echo(f"wrote {output}: {drafted.summary}")
 
 
-def _draft_like(
-    paths: Sequence[Path], output: Path, reading: Reading, bodies: Bodies, command: str
-) -> Draft:
-    """Write a scene of surfaces like maps: by a self-affine law if one fits a single map."""
-    _require_new_population(output)
-    if len(paths) == 1:
+def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
+    """Write a scene of surfaces like maps, of the kind that the contact finds most like them.
+
+    For a single map they are those of a self-affine law if one fits and the map is of its kind.
+    Otherwise they have the maps' own spectrum. If a map is not of that kind either, they are
+    windows of the maps. A generator that the user wants is taken whatever the verdict is.
+    """
+    _require_new_population(order.output)
+    if len(paths) == 1 and order.generator != "like":
+        drafted = _draft_law(order, paths[0])
+        if drafted is not None:
+            return drafted
+    like = propose_population(paths, order.reading)
+    print_surveys(like.surveys)
+    _print_preparation(like)
+    judgements = _judged_population(order, like)
+    verdicts = [judgement.verdict for judgement in judgements]
+    if "not of its kind" in verdicts and not order.generator:
+        echo("windows of the maps are taken instead (--generator like insists)")
         try:
-            return _draft_law(paths[0], output, reading, bodies, command)
-        except NoLaw as fault:
-            echo(f"{fault}: surfaces get the spectrum of the map itself")
-    return _draft_population(paths, output, reading, bodies, command)
+            return _draft_windows(order, [str(path) for path in paths])
+        except InputError as fault:
+            echo(f"warning: no windows can be cut: {fault}", err=True)
+    drafted = _draft_population(order, like)
+    if set(verdicts) != {"of its kind"}:
+        faults = [judgement.sentence for judgement in judgements]
+        return replace(drafted, remarks=[*drafted.remarks, *faults])
+    return drafted
+
+
+def _judged_population(order: _Order, like: LikeMaps) -> list[Judgement]:
+    """Judge each map of a population by the contact, and print the judgements."""
+    population = like.population
+    middle = like.median_rms_height
+    judgements = []
+    for survey, one, source in zip(like.surveys, like.maps, population.maps, strict=True):
+
+        def make(
+            shape: tuple[int, int],
+            random: Random,
+            scale: float = source.rms_height / middle,
+        ) -> Heights:
+            """Make a surface of the map's rms height out of a period as long as the map."""
+            nx, ny = (max(pair) for pair in zip(shape, population.nodes, strict=True))
+            return scale * generate_like(population, shape, (nx, ny), random)
+
+        topography = one.topography
+        judgement = judge_surfaces(
+            topography.heights, topography.spacing, make, order.bodies, like.nodes
+        )
+        print_judgement(judgement, f"surfaces with the spectrum of {survey.path.name}")
+        judgements.append(judgement)
+    return judgements
+
+
+def _print_preparation(like: LikeMaps) -> None:
+    """Print how the maps were prepared, in options that `gen describe` takes too."""
+    options = preparation_options(like.reading)
+    echo(f"prepared by {options}; give these to gen describe for the same numbers")
+
+
+def _draft_law(order: _Order, path: Path) -> Draft | None:
+    """Write a scene of self-affine surfaces like a map, print its survey, and return the scene.
+
+    Return None, and say why, if no law fits the map or the map is not of the kind of its surfaces.
+    A law that the user wants is taken whatever the verdict is, and NoLaw is raised without one.
+    """
+    try:
+        likeness = propose_like(path, order.reading)
+    except NoLaw as fault:
+        if order.generator == "spectral":
+            raise
+        echo(f"{fault}: surfaces get the spectrum of the map itself")
+        return None
+    topography = likeness.topography
+    try:
+        judgement = judge_surfaces(
+            topography.heights,
+            topography.spacing,
+            likeness.generate,
+            order.bodies,
+            LAW_NODES,
+        )
+    except InputError as fault:  # the law's waves are too short for the map's grid
+        echo(f"no surfaces of its law on its grid: {fault}")
+        return None
+    print_judgement(judgement, f"surfaces of the self-affine law of {path.name}")
+    if judgement.verdict != "of its kind" and order.generator != "spectral":
+        echo("surfaces get the spectrum of the map itself (--generator spectral insists)")
+        return None
+    print_surveys([likeness.survey])
+    text = scene_like(likeness, order.bodies, order.command, order.output)
+    scene = write(order.output, text)
+    doubt = likeness.doubt
+    if judgement.verdict != "of its kind":
+        doubt = judgement.sentence
+    return Draft(
+        scene=scene,
+        summary=f"self-affine surfaces like {path.name}",
+        surveys=[likeness.survey],
+        doubt=doubt,
+    )
 
 
 def _population_file(output: Path) -> Path:
@@ -121,58 +247,34 @@ def _require_new_population(output: Path) -> None:
         )
 
 
-def _draft_law(
-    path: Path, output: Path, reading: Reading, bodies: Bodies, command: str
-) -> Draft:
-    """Print the survey of a map, write a scene of self-affine surfaces like it, and return it.
-
-    Raise NoLaw if no self-affine law fits the map.
-    """
-    likeness = propose_like(path, reading)
-    print_surveys([likeness.survey])
-    text = scene_like(likeness, bodies, command, output)
-    scene = write(output, text)
-    return Draft(
-        scene=scene,
-        summary=f"self-affine surfaces like {path.name}",
-        surveys=[likeness.survey],
-        doubt=likeness.doubt,
-    )
-
-
-def _draft_population(
-    paths: Sequence[Path], output: Path, reading: Reading, bodies: Bodies, command: str
-) -> Draft:
-    """Print the surveys of maps, write their population and a scene of it, and return the scene."""
+def _draft_population(order: _Order, like: LikeMaps) -> Draft:
+    """Write a population and a scene of it, and return the scene."""
+    output = order.output
     population_file = _population_file(output)
-    like = propose_population(paths, reading)
-    print_surveys(like.surveys)
-    text = scene_of_population(like, bodies, command, output, population_file)
+    text = scene_of_population(like, order.bodies, order.command, output, population_file)
     Scene.parse(text, str(output))  # before the first file is written
     with atomic(population_file, replace=False) as file:
         file.write(like.population.text.encode())
     scene = write(output, text)
     echo(f"wrote {population_file}: the spectrum in bands and the quantiles of heights")
-    names = ", ".join(path.name for path in paths)
+    names = ", ".join(survey.path.name for survey in like.surveys)
     return Draft(
         scene=scene,
         summary=f"surfaces like {names}",
         surveys=like.surveys,
-        remarks=list(like.population.remarks),
+        remarks=like.population.remarks,
     )
 
 
-def _draft_windows(
-    inputs: Sequence[str], output: Path, reading: Reading, bodies: Bodies, command: str
-) -> Draft:
+def _draft_windows(order: _Order, inputs: Sequence[str]) -> Draft:
     """Print the surveys of maps, write a scene of their windows, and return it."""
     paths = map_files(inputs, Path.cwd())
     # Each file is read twice: as it is, and then with the preparation that suits all maps.
     with RunProgress(2 * len(paths), noun="readings") as progress:
-        proposal = propose(paths, reading, advance=lambda: progress.advance(rows=1))
+        proposal = propose(paths, order.reading, advance=lambda: progress.advance(rows=1))
     print_surveys(proposal.surveys)
-    text = scene_of_windows(proposal, bodies, inputs, command, output)
-    scene = write(output, text)
+    text = scene_of_windows(proposal, order.bodies, inputs, order.command, order.output)
+    scene = write(order.output, text)
     summary = (
         f"{proposal.windows} windows of {proposal.nodes} x {proposal.nodes} nodes of"
         f" {len(proposal.used)} of {len(paths)} maps, {scene.samples} samples"

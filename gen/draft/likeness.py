@@ -50,6 +50,7 @@ class Likeness:
     """A self-affine law for a map, and the roughness of surfaces that follow the law."""
 
     survey: MapSurvey  # survey of the prepared map
+    topography: Topography  # the prepared map
     reading: Reading  # how the map is read and prepared
     fit: SelfAffineFit  # fit of the law to the map's spectrum
     # the law in round numbers for the generator, with the stretch of a map that has a lay
@@ -61,6 +62,33 @@ class Likeness:
     windows: Roughness  # roughness of windows of the map
     rms_height: float  # median of the rms heights of generated surfaces with this `rms_slope` [um]
     doubt: str  # why the generated surfaces may not be like the map; "" without such a reason
+
+    def generate(self, shape: tuple[int, int], random: np.random.Generator) -> Heights:
+        """Generate a surface of the law at the map's spacing.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Nodes (nx, ny).
+        random : numpy.random.Generator
+            Source of the phases. The call moves its state.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Heights [um], cut out of a larger period.
+
+        Raises
+        ------
+        InputError
+            If the map's grid is too coarse for the law's waves.
+        """
+        nx, ny = (PERIOD * nodes for nodes in shape)
+        dx, dy = self.topography.spacing
+        period = generate_spectral(
+            (nx, ny), (nx * dx, ny * dy), self.spectrum, random, rms_slope=self.rms_slope
+        )
+        return period[: shape[0], : shape[1]]
 
 
 def propose_like(path: Path, reading: Reading) -> Likeness:
@@ -104,6 +132,7 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     rms_height = unscaled.rms_height * slope_of_waves
     return Likeness(
         survey=prepared.survey,
+        topography=topography,
         reading=reading,
         fit=fit,
         spectrum=spectrum,

@@ -149,8 +149,13 @@ class LikeMaps:
     def scales(self) -> tuple[float, float]:
         """Smallest and largest rms height of the maps over that of the population [1]."""
         rms_heights = [one.rms_height for one in self.population.maps]
-        middle = float(np.median(rms_heights))
+        middle = self.median_rms_height
         return min(rms_heights) / middle, max(rms_heights) / middle
+
+    @property
+    def median_rms_height(self) -> float:
+        """Median of the rms heights of the maps, which is that of the population [um]."""
+        return float(np.median([one.rms_height for one in self.population.maps]))
 
 
 def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
@@ -234,8 +239,10 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     rms_height = float(np.median(rms_heights))
     shape = max((unit.shape for unit in units), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
-    curve = _HeightCurve.of(units)
-    wanted = _wanted_spectrum(units, grid, curve.variance)
+    wanted = _wanted_spectrum(units, grid)
+    independent = _independent_waves(wanted) * len(units)
+    curve = _HeightCurve.of(units).without_chance(independent)
+    wanted = wanted.with_variance(curve.variance)
     field = _spectrum_of_field(wanted, curve)
     bands_x, bands_y = wanted.bands.middles
     heights = curve.heights * rms_height
@@ -360,6 +367,26 @@ class _HeightCurve:
         places, heights = tabulated_curve(tuple(self.scores), tuple(self.heights))
         return np.interp(scores, places, heights)
 
+    def without_chance(self, independent: float) -> _HeightCurve:
+        """Return the curve less what of its bends may be chance.
+
+        Heights of few waves are not normally distributed although their field is. The bends, which
+        are distances from the straight line of normal heights, shrink by the share of their mean
+        square that quantiles of a number of independent heights have by chance (James and Stein).
+        """
+        from scipy.special import ndtr
+
+        scores = self.scores[1:-1]
+        below = ndtr(scores)
+        density = np.exp(-(scores**2) / 2) / math.sqrt(2 * math.pi)
+        variances = below * (1 - below) / (independent * density**2)
+        bends = self.heights[1:-1] - scores
+        mean_square = float(np.mean(bends**2 / variances))
+        share = max(0.0, 1.0 - 1.0 / max(mean_square, 1.0))
+        return _HeightCurve(
+            scores=self.scores, heights=self.scores + share * (self.heights - self.scores)
+        )
+
     @property
     def hermite_powers(self) -> Values:
         """Powers of the curve's normalised Hermite polynomials, shape (`TERMS` + 1,).
@@ -416,13 +443,15 @@ class _Wanted:
     grid: WaveGrid
     bands: WaveBands
     logarithms: Values  # logarithms of the density in bands [um^2: heights have no unit]
-    waves: Values  # number of waves in each band
+
+    def with_variance(self, variance: float) -> _Wanted:
+        """Return the same spectrum for heights of another variance [1]."""
+        total = self.grid.total(self.bands.spread(self.grid, self.logarithms))
+        return replace(self, logarithms=self.logarithms + math.log(variance / total))
 
 
-def _wanted_spectrum(
-    units: Sequence[Heights], grid: WaveGrid, variance: float
-) -> _Wanted:
-    """Return the spectrum of maps with unit rms heights, of a given variance.
+def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
+    """Return the spectrum of maps with unit rms heights, of unit variance.
 
     The maps' periodograms tell its form. Its variance and the rms slopes along both axes over the
     rms height are those of the maps, which a window does not weigh.
@@ -438,14 +467,18 @@ def _wanted_spectrum(
         steepness=_log_ratio(roughness.slope**2, roughness.rms_height**2),
         sharpness=_log_ratio(roughness.curvature**2, roughness.slope**2),
     )
-    logarithms = correction.corrected()
-    total = grid.total(bands.spread(grid, logarithms))
-    return _Wanted(
-        grid=grid,
-        bands=bands,
-        logarithms=logarithms + math.log(variance / total),
-        waves=spectrum.waves,
-    )
+    wanted = _Wanted(grid=grid, bands=bands, logarithms=correction.corrected())
+    return wanted.with_variance(1.0)
+
+
+def _independent_waves(wanted: _Wanted) -> float:
+    """Return the number of waves of equal power of which heights would scatter as much.
+
+    It is the square of the sum of all powers over the sum of their squares.
+    """
+    densities = wanted.bands.spread(wanted.grid, wanted.logarithms)
+    squares = wanted.grid.total(densities**2) / wanted.grid.area
+    return wanted.grid.total(densities) ** 2 / squares
 
 
 def _with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:

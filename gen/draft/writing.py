@@ -135,7 +135,7 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
     texts = {
         "name": printable(name),
         **_beginning(title, output, command, surfaces=SURFACES),
-        "preparation": _preparation_options(likeness.reading),
+        "preparation": preparation_options(likeness.reading),
         "step": f"{likeness.spacing:g}",
         "nodes": str(NODES),
         "side": repr(rounded(NODES * likeness.spacing, 6)),
@@ -208,7 +208,7 @@ def scene_of_population(
 def _steps_of_preparation(like: LikeMaps) -> str:
     """Return a sentence on how the maps were prepared."""
     noun = "The map was" if len(like.surveys) == 1 else "The maps were"
-    return f"{noun} prepared by {_preparation_options(like.reading)}."
+    return f"{noun} prepared by {preparation_options(like.reading)}."
 
 
 def _scale(like: LikeMaps) -> str:
@@ -398,8 +398,19 @@ def _reading_table(reading: Reading) -> str:
     return "\n".join(["# For files that do not say it.", "[surface.reading]", *keys])
 
 
-def _preparation_options(reading: Reading) -> str:
-    """Return the steps of a map's preparation, written as options of `gen contact`."""
+def preparation_options(reading: Reading) -> str:
+    """Return the steps of a map's preparation, written as options of `gen contact`.
+
+    Parameters
+    ----------
+    reading : Reading
+        How a map is read and prepared.
+
+    Returns
+    -------
+    str
+        The options, as "--level plane --fill".
+    """
     options = []
     if reading.despike is not None:
         options.append(f"--despike {reading.despike:g}")

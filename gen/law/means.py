@@ -74,8 +74,10 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     """
     errors = dict(order.errors or {})
     loads = order.loads()
-    if not errors or not loads:
-        raise InputError("give --error, and --delta or --pressure, the loads of the law")
+    if not errors:
+        raise InputError("give --error, the errors of the means")
+    if not loads:
+        raise InputError("give --delta or --pressure, the loads of the law")
     scene_text = _only_scene(order)
     order = replace(
         order,

@@ -66,7 +66,7 @@ def test_densities_are_those_of_bands_between_them_and_beyond():
 def test_the_gaussian_field_has_unit_variance_and_its_spectrum():
     """Against the autocorrelation of the spectrum, exp(-(0.3 r)^2 / 2) for unit spacing."""
     surfaces = generated(population())
-    assert [surface.std() for surface in surfaces] == pytest.approx([1.0] * 40, rel=1e-3)
+    assert [surface.std() for surface in surfaces] == pytest.approx([1.0] * 40, rel=1e-5)
     for axis in (0, 1):
         for nodes in (1, 4):
             shifted = [np.roll(surface, nodes, axis) for surface in surfaces]

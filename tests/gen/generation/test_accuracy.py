@@ -111,7 +111,7 @@ def test_the_grid_is_that_of_the_scene_without_its_seed_and_samples():
 
 @pytest.mark.long
 def test_a_smaller_error_needs_more_nodes():
-    assert found_grid(SCENE.replace("0.05\n", "0.01\n")) > (48, 48)
+    assert found_grid(SCENE.replace("0.05\n", "0.005\n")) > found_grid(SCENE)
 
 
 def test_nodes_of_the_scene_are_the_finest_grid():

@@ -223,7 +223,7 @@ def test_errors_of_means_hold_in_95_of_100_populations(folder):
             pressure="0.01",
             boundary="periodic",
             grid_error=True,
-            surfaces=1000,
+            surfaces=600,
         )
     ).over_pressure.curves["continuum_area_percent"]
     within = 0
@@ -236,9 +236,9 @@ def test_errors_of_means_hold_in_95_of_100_populations(folder):
                 pressure="0.01",
                 boundary="periodic",
                 both_tables=False,
-                errors={"area": 0.03},
+                errors={"area": 0.05},
             )
         )
         mean = law.over_pressure.curves["continuum_area_percent"].value
-        within += bool(abs(mean[0] / truth.value[0] - 1) < 0.03)
+        within += bool(abs(mean[0] / truth.value[0] - 1) < 0.05)
     assert within >= 90
