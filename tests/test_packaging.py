@@ -75,7 +75,10 @@ DATA = {
     "asperity/py.typed",
     *("bem/py.typed", "gen/py.typed", "learn/py.typed"),
     *("gen/law/law.h.in", "gen/law/law_4c.py.in"),
-    *(f"gen/draft/{name}.toml.in" for name in ("windows", "like", "load", "contact")),
+    *(
+        f"gen/draft/{name}.toml.in"
+        for name in ("windows", "like", "population", "load", "contact")
+    ),
     *("bench/page.html", "bench/two-blocks.inp"),
 }
 """Files of the wheel that are neither Python nor of a kind below."""

@@ -58,8 +58,9 @@ def test_paths_that_a_page_names_are_there(page):
 
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
-    assert [scene.samples for scene in shown] == [2000, 2000, 3000, 3000, 300, 200]
-    assert [shown[2].surface.generator, shown[3].surface.generator] == ["scans", "like"]
+    samples = [scene.samples for scene in shown]
+    assert samples == [2000, 2000, 2000, 3000, 3000, 300, 200]
+    assert [shown[3].surface.generator, shown[4].surface.generator] == ["scans", "like"]
 
 
 @pytest.mark.usefixtures("here")

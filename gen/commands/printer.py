@@ -244,12 +244,12 @@ def _map_lines(table: Mapping[str, Any]) -> list[str]:
     """Return a line about each map that a table of a scene lists under the keys `MAPS`."""
     lines = []
     for key, noun in MAPS.items():
-        if "maps" not in table.get(key, {}):
+        kept = table.get(key)
+        if not isinstance(kept, dict):
             continue
-        if "maps" not in table[key]:  # the population of surfaces like maps
-            lines.append(f"  population: SHA-256 {table[key]['sha256'][:12]}...")
-            continue
-        for number, record in enumerate(table[key]["maps"]):
+        if "sha256" in kept:  # the population of surfaces like maps
+            lines.append(f"  population: SHA-256 {kept['sha256'][:12]}...")
+        for number, record in enumerate(kept.get("maps", ())):
             nx, ny = record["nodes"]
             sha256 = record["sha256"][:12]
             lines.append(
