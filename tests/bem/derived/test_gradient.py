@@ -147,6 +147,25 @@ def test_gradients_are_central_differences_on_many_surfaces(case):
     assert np.nanmax(worst) < CLOSE
 
 
+@pytest.mark.parametrize("of", ["force", "delta", "mean_gap"])
+@pytest.mark.parametrize("base", ["rigid", bem.HalfSpace(1.0, 0.3)], ids=str)
+def test_gradients_on_a_layer_are_central_differences(of, base):
+    heights = rough((20, 20), seed=3)
+    body = bem.Layered(thickness=3.0, modulus=0.3, poisson=0.3, base=base)
+    settings = {"body": body, "boundary": "periodic", "rtol": RTOL}
+    light = bem.solve(heights, SIDE, pressure=0.005, **settings)
+    load = {"pressure": 0.005} if of == "delta" else {"delta": light.delta}
+    gradient = bem.solve(heights, SIDE, **load, **settings).gradient(of)
+    for node in chosen_nodes(heights, np.random.default_rng(1), 1):
+        change = np.zeros(heights.shape)
+        change.flat[node] = STEP
+        above = bem.solve(heights + change, SIDE, **load, **settings)
+        below = bem.solve(heights - change, SIDE, **load, **settings)
+        difference = (getattr(above, of) - getattr(below, of)) / (2 * STEP)
+        largest = np.abs(gradient).max()
+        assert abs(difference - gradient.flat[node]) < CLOSE * largest
+
+
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
 @pytest.mark.parametrize("of", ["force", "delta", "mean_gap"])
 def test_a_common_rise_of_all_heights_changes_nothing(boundary, of):

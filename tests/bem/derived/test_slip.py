@@ -49,9 +49,7 @@ class Sphere:
         """Return a sphere whose contact has a number of nodes in its radius, on a fine patch."""
         spacing = 1 / (6 * nodes_in_radius)
         radius_of_contact = nodes_in_radius * spacing * SIDE
-        return cls(
-            nodes=6 * nodes_in_radius + 1, depth=radius_of_contact**2 / cls.radius
-        )
+        return cls(nodes=6 * nodes_in_radius + 1, depth=radius_of_contact**2 / cls.radius)
 
     @property
     def contact(self):
@@ -291,6 +289,14 @@ def test_wrong_arguments_are_refused(arguments, message):
     friction, shears = given.pop("friction"), given.pop("shears")
     with pytest.raises(ValueError, match=message):
         partial_slip(contact, friction, shears, **given)
+
+
+def test_a_layer_is_refused():
+    body = bem.Layered(thickness=50.0, modulus=0.3, poisson=0.3, base="rigid")
+    heights = rough((17, 17))
+    contact = bem.solve(heights, SIDE, pressure=1e-3, boundary="periodic", body=body)
+    with pytest.raises(ValueError, match="a layered body has"):
+        partial_slip(contact, FRICTION, 0.0, poisson=NU)
 
 
 def test_full_contact_without_edges_is_refused():
