@@ -247,8 +247,17 @@ class Surface:
 
         Parameters
         ----------
-        error, delta, force, pressure, threads
-            See the function `solve_within`.
+        error : float or mapping of str to float
+            See the function `solve_within` [1].
+        delta : float, optional
+            Far-field displacement Delta [um]. Exactly one of `delta`, `force` and `pressure` is
+            needed.
+        force : float, optional
+            Total normal force [uN].
+        pressure : float, optional
+            Mean pressure over the cells of all nodes [MPa].
+        threads : int, optional
+            Threads that share the work, see `bem.solve`.
 
         Returns
         -------

@@ -65,7 +65,7 @@ class Body(ABC):
         Parameters
         ----------
         wave_numbers : ndarray
-            Wave numbers |q|, above 0 [1/um].
+            Wave numbers q, above 0 [1/um].
 
         Returns
         -------
@@ -74,14 +74,14 @@ class Body(ABC):
         """
 
     def compliance(self, wave_numbers: Field) -> Field:
-        """Compute the displacement by waves of pressure; 2 / (E* |q|) for a half-space.
+        """Compute the displacement by waves of pressure; 2 / (E* q) for a half-space.
 
         The source is Johnson 1985, section 13.2.
 
         Parameters
         ----------
         wave_numbers : ndarray
-            Wave numbers |q|, above 0 [1/um].
+            Wave numbers q, above 0 [1/um].
 
         Returns
         -------
@@ -99,7 +99,7 @@ class Body(ABC):
         Parameters
         ----------
         wave_numbers : ndarray
-            Wave numbers |q|, above 0 [1/um].
+            Wave numbers q, above 0 [1/um].
 
         Returns
         -------
@@ -165,7 +165,18 @@ class HalfSpace(Body):
         return True
 
     def relative_compliance(self, wave_numbers: Field) -> float:
-        """Return 1, whatever the wave numbers are."""
+        """Return 1, the compliance over that of a half-space.
+
+        Parameters
+        ----------
+        wave_numbers : ndarray
+            Wave numbers q, which do not matter [1/um].
+
+        Returns
+        -------
+        float
+            1.0 [1].
+        """
         return 1.0
 
 
@@ -252,7 +263,7 @@ class Layered(Body):
         Parameters
         ----------
         wave_numbers : ndarray
-            Wave numbers |q|, above 0 [1/um].
+            Wave numbers q, above 0 [1/um].
 
         Returns
         -------
@@ -325,7 +336,7 @@ class Pair(Body):
         Parameters
         ----------
         wave_numbers : ndarray
-            Wave numbers |q|, above 0 [1/um].
+            Wave numbers q, above 0 [1/um].
 
         Returns
         -------

@@ -46,6 +46,7 @@ numpydoc_validation_overrides = {
 }
 numpydoc_validation_exclude = {  # inherited from Python and pydantic
     r"\.(add_note|with_traceback)$",
+    r"\.Body\.__init__$",
     r"\.Reader\.(callback|close|enter_context|pop_all|push)$",
     r"\.Scene(\.(__init__|model_\w+|copy|dict|json|construct|from_orm|parse_(file|obj|raw)))?$",
 }

@@ -437,7 +437,13 @@ class Scene(Table):
         )
 
     def report_of_accuracy(self) -> list[str]:
-        """Return lines about the errors asked for, the grid and its trial; empty without a grid."""
+        """Return lines about the errors asked for, the grid that was found and its trial.
+
+        Returns
+        -------
+        list of str
+            The lines; none if the scene asks for no errors.
+        """
         if self.accuracy is None:
             return []
         return self.accuracy.report(self.contact.rtol)
