@@ -186,6 +186,10 @@ def _check_contact(contact: "Contact") -> None:
             "partial slip follows from normal contacts on half-spaces only: a layered body has"
             " another compliance in shear, which is not computed"
         )
+    if contact.force == 0:
+        raise ValueError(
+            "the normal load is 0: nothing holds the bodies when they are sheared"
+        )
     if contact.contact_nodes == contact.pressure.size and problem.boundary != "free":
         raise ValueError(
             "the contact is full and infinitely stiff in shear: give a smaller load"

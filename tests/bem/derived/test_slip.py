@@ -299,6 +299,12 @@ def test_a_layer_is_refused():
         partial_slip(contact, FRICTION, 0.0, poisson=NU)
 
 
+def test_bodies_apart_are_refused():
+    contact = bem.solve(rough((17, 17)), SIDE, -1.0)
+    with pytest.raises(ValueError, match="the normal load is 0"):
+        partial_slip(contact, FRICTION, 0.0, poisson=NU)
+
+
 def test_full_contact_without_edges_is_refused():
     contact = bem.solve(rough((17, 17)), SIDE, pressure=10.0, boundary="periodic")
     with pytest.raises(ValueError, match="the contact is full and infinitely stiff"):
