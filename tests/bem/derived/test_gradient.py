@@ -141,7 +141,7 @@ def test_gradients_are_central_differences_on_many_surfaces(case):
         shape = (random.integers(16, 33), random.integers(16, 33))
         pressure = 10 ** random.uniform(-2.5, -1.2)
         heights = rough(shape, seed)
-        nodes = chosen_nodes(heights, random, 5)
+        nodes = chosen_nodes(heights, random, 2)
         loaded = Case(**{**vars(case), "pressure": pressure})
         worst.append(worst_difference(loaded, heights, nodes))
     assert np.nanmax(worst) < CLOSE
