@@ -1,1 +1,1 @@
-"""The error as input: asked and got errors, and the time to an area within an error."""
+"""Measure `bem.solve_within`: its errors beside those asked for, and its time to an area."""

@@ -1,4 +1,4 @@
-"""Asked against got: the errors of `bem.solve_within`, and the bars of maps, over contacts.
+"""Compare the errors of `bem.solve_within`, and the bars of maps, with those on an exact grid.
 
 Each contact is solved on its map, on an exact grid three to eight times as fine, and by
 `solve_within` for errors of 3, 1 and 0.3 %. The exact grid has the same patch, the same load, and
@@ -6,11 +6,11 @@ Delta counted from the highest node of the map.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
+from itertools import chain, islice
 from multiprocessing import get_context
 from typing import Any, Literal
 
@@ -50,19 +50,19 @@ Below, the tolerances of both solves are no longer small against it; at full con
 """
 
 SEED = 7302
-"""First word of the seeds of all samples, so that no other report has the same surfaces."""
+"""First number of the seeds of all samples, which keeps them apart from those of other studies."""
 
 AREA = "area"
 """Name of the area in the continuum among the answers that can be asked for."""
 
 ENOUGH_IN_WAVE = 8.0
-"""Nodes in the shortest wave from which most contacts should be answered."""
+"""Fewest nodes in the shortest wave with which most contacts should be answered."""
 
 LoadName = Literal["pressure", "force", "delta"]
-"""The quantity that is given."""
+"""Name of the quantity that is given."""
 
 LOADS: tuple[LoadName, ...] = ("pressure", "force", "delta")
-"""All quantities that may be given."""
+"""Names of all quantities that may be given."""
 
 
 @dataclass(frozen=True)
@@ -80,16 +80,17 @@ class _Pressed:
 
     @property
     def answers(self) -> tuple[str, ...]:
-        """Names of the answers that can be asked for: all but the given one of Delta and force.
+        """Names of the answers that can be asked for.
 
-        Answers that `true_value` does not have are left out, as those of full contact.
+        Delta is left out if it is given, otherwise the force. Answers without a true value are left
+        out too, as the mean gap at full contact.
         """
         is_given = "delta" if self.load == "delta" else "force"
         names = [name for name in ANSWERS if name != is_given]
         return tuple(name for name in names if math.isfinite(self.true_value(name)))
 
     def true_value(self, answer: str) -> float:
-        """Return an answer on the exact grid, NaN if it is zero, infinite or a gap of rounding."""
+        """Return an answer on the exact grid; NaN if it is 0 or infinite, or a gap of rounding."""
         value = float(ANSWERS[answer].value(self.exact))
         if answer == MEAN_GAP.name and value < LEAST_GAP * abs(self.exact.delta):
             return math.nan
@@ -125,43 +126,46 @@ def asked_and_got(
     contacts : int
         Number of contacts of each kind.
     maps : sequence of MeasuredMap
-        Measured maps, whose windows are a kind more.
+        Measured maps; if there are any, their windows are one more kind.
     kinds : sequence of str
-        Names of the kinds; all of them if there are none.
+        Names of the kinds; empty for all kinds.
     processes : int
         Number of processes that share the work. The rows do not depend on it.
 
     Returns
     -------
     list of Row
-        Rows of three sorts, by column `asked_for`: "area" alone and "all" answers, each for every
-        error in column `asked_percent`, and the 90 % bars of the "map". A row for each answer.
+        A row for each answer of each contact. Column `asked_for` is "area" where the area was asked
+        for alone, "all" where all answers were asked for together, and "map" for the 90 % bars of
+        the map. Column `asked_percent` has the error that was asked for, NaN for the map.
 
     Raises
     ------
     InputError
-        If there is no such kind; that of measured maps needs maps.
+        If there is no such kind. The kind of measured maps needs maps.
     """
     known = [*KINDS, MEASURED] if maps else list(KINDS)
     for kind in kinds:
         if kind not in known:
             raise InputError(f"--kinds {kind}: give some of {', '.join(known)}")
-    tasks = [(kind, seed) for kind in kinds or known for seed in range(contacts)]
+    wanted = kinds or known
+    tasks = [(kind, seed) for kind in wanted for seed in range(contacts)]
     judge = partial(_rows_of_contact, maps)
+    rows_by_contact = _mapped(judge, tasks, processes)
     rows: list[Row] = []
-    for kind, results in groupby(_mapped(judge, tasks, processes), lambda of: of[0]):
-        of_kind = [row for _, rows_of_contact in results for row in rows_of_contact]
+    for kind in wanted:
+        of_kind = list(chain.from_iterable(islice(rows_by_contact, contacts)))
         remark(f"{kind}: {len({row['seed'] for row in of_kind})} contacts")
         rows += of_kind
     return rows
 
 
 def _mapped(
-    work: Callable[[tuple[str, int]], tuple[str, list[Row]]],
+    work: Callable[[tuple[str, int]], list[Row]],
     tasks: Sequence[tuple[str, int]],
     processes: int,
-) -> Iterable[tuple[str, list[Row]]]:
-    """Yield the results of all tasks in their order, from one process or several."""
+) -> Iterator[list[Row]]:
+    """Yield the rows of each task, in the order of the tasks, from one process or several."""
     if processes == 1:
         yield from map(work, tasks)
         return
@@ -169,12 +173,10 @@ def _mapped(
         yield from pool.map(work, tasks, chunksize=4)
 
 
-def _rows_of_contact(
-    maps: Sequence[MeasuredMap], task: tuple[str, int]
-) -> tuple[str, list[Row]]:
-    """Return the kind and the rows of the contact of a kind and a seed.
+def _rows_of_contact(maps: Sequence[MeasuredMap], task: tuple[str, int]) -> list[Row]:
+    """Return the rows of a contact; `task` has its kind and its seed.
 
-    There are none if the drawn load has no solution or brings nothing into contact.
+    There are no rows if the drawn load has no solution or brings nothing into contact.
     """
     kind, seed = task
     names = [*KINDS, MEASURED]
@@ -184,10 +186,10 @@ def _rows_of_contact(
         try:
             pressed = _pressed(kind, seed, sample, random)
         except (bem.NoSolution, bem.NotConverged):
-            return kind, []
+            return []
         if pressed.exact.contact_nodes == 0:
-            return kind, []
-        return kind, [*_rows_of_map(pressed), *_rows_of_errors(pressed)]
+            return []
+        return [*_rows_of_map(pressed), *_rows_of_errors(pressed)]
 
 
 def _pressed(
@@ -195,8 +197,9 @@ def _pressed(
 ) -> _Pressed:
     """Draw a load and solve the contact on both grids.
 
-    The load would bring a share of the patch into contact, whose log-odds are uniform, if the
-    surface were Gaussian and Persson's theory held (2001, J. Chem. Phys. 115).
+    A share of the patch between `LEAST_SHARE` and `MOST_SHARE` is drawn, with uniform log-odds. The
+    mean pressure is the one under which this share touches in Persson's theory of Gaussian surfaces
+    (2001, J. Chem. Phys. 115, 3840).
     """
     heights = sample.heights(sample.nodes)
     along, across = (float(np.diff(heights, axis=axis).std()) for axis in (0, 1))
@@ -217,11 +220,14 @@ def _pressed(
     if load == "delta" and contact.contact_nodes == heights.size:
         load = "pressure"  # beyond full contact Delta does not tell the force
     value = {"pressure": pressure, "force": contact.force, "delta": contact.delta}[load]
-    delta = contact.delta if load == "delta" else None
-    force = None if load == "delta" else contact.force
+    delta = None
+    force = None
     if load == "delta":
+        delta = contact.delta
         problem = pose(heights, 1.0, delta, spacing=spacing, **settings)
         contact = solve_posed(replace(problem, datum=0.0))
+    else:
+        force = contact.force
     fine = sample.heights(sample.exact_nodes)
     finer = sample.exact_nodes / sample.nodes
     exact_problem = pose(
@@ -233,6 +239,7 @@ def _pressed(
         rtol=EXACT_RTOL,
         **settings,
     )
+    # Delta counts from the highest node of the map, which may be below that of the exact grid.
     datum = float(heights.max() - fine.max())
     return _Pressed(
         kind=kind,
@@ -302,7 +309,7 @@ def _rows_of_error(
 
 @dataclass(frozen=True)
 class _Judged:
-    """One answer of a contact for which an error was asked."""
+    """An answer of a contact whose error was asked for, or whose bar on the map is judged."""
 
     pressed: _Pressed
     asked_for: str  # "area", "all" answers, or "map" for the bar of the map
@@ -310,7 +317,7 @@ class _Judged:
     answer: str  # name of the answer
 
     def answered(self, value: float, bar: float, grid: int) -> Row:
-        """Return the row of a value with its bar [1], on a grid of so many nodes a side."""
+        """Return the row of a value with its bar [1], on a grid of `grid` nodes along x."""
         true_value = self.pressed.true_value(self.answer)
         return {
             **self._beginning(),

@@ -1,4 +1,4 @@
-"""What `bem.solve_within` promises, beside what the report `accuracy` has measured of it."""
+"""Compare what `bem.solve_within` promises with the numbers that the report `accuracy` measures."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ JUDGED = 1.0
 def promises(
     rows: Sequence[Row], ratios: Sequence[Row], medians: Sequence[Row]
 ) -> list[Row]:
-    """Return the promises with what was measured.
+    """Return the promises with the measured numbers.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ def promises(
     Returns
     -------
     list of Row
-        A row for each promise: its words, its bounds, what was measured, the number of contacts,
-        kinds, solvers or maps behind it, and whether it is kept. Promises without measurements are
-        left out.
+        A row for each promise: its words, its bounds, the measured value, the number of contacts,
+        kinds, solvers or maps behind the value, and whether the promise is kept. Promises without
+        measurements are left out.
     """
     return [
         *_of_asked(rows),
@@ -59,7 +59,7 @@ def _promise(
     least: float | None = None,
     most: float | None = None,
 ) -> list[Row]:
-    """Return the row of a promise, none if nothing was measured."""
+    """Return a list with the row of a promise; an empty list if nothing was measured."""
     if measured is None:
         return []
     is_above = least is None or measured >= least

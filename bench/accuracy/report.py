@@ -1,8 +1,10 @@
-"""The report `accuracy`: asked against got, and error against time beside other solvers.
+"""The report `accuracy`: errors asked for and got, and times beside those of other solvers.
 
-It has three studies, each of which can be left out: `asked`, the errors that were asked for and got
-on contacts of all kinds, which takes no times; `times`, the time to an area within an error, ours
-and that of other solvers; and `full`, the time of full grids over that of `bem.solve_within`.
+It has three studies, each of which can be left out:
+
+- `asked`: the errors that were asked for and got on contacts of all kinds, without times;
+- `times`: the time to an area within an error, of `bem.solve_within` and of other solvers;
+- `full`: the time of full grids over that of `bem.solve_within`.
 """
 
 from collections.abc import Sequence
@@ -17,7 +19,7 @@ from bench.report import Report
 from gen.runtime.errors import InputError
 
 FEWEST_NODES = 64
-"""Fewest nodes a side of a full grid: up to 64 of them are in the shortest wave."""
+"""Fewest nodes a side of a full grid, because its shortest wave may have 64 nodes."""
 
 STUDIES = ("asked", "times", "full")
 """Names of the studies."""
@@ -46,11 +48,11 @@ def accuracy(
     waves : sequence of int
         Periods of the shortest wave on a side in study `times`.
     largest : int
-        Most nodes a side of a grid of other solvers.
+        Most nodes a side of the grids that other solvers solve in study `times`.
     nodes : sequence of int
         Nodes a side of the maps in study `full`, rising.
     large_maps : int
-        Maps of the first of these sizes; each next size has half as many.
+        Number of maps of the first size in `nodes`; each next size has half as many, at least 1.
     processes : int
         Processes that share study `asked`, which takes no times.
     maps : Path or None
@@ -77,36 +79,36 @@ def accuracy(
     measured: list[MeasuredMap] = []
     if maps is not None and "asked" in studies:
         measured = read_maps(maps)
-    rows: list[Row] = []
-    timed: list[Row] = []
-    large: list[Row] = []
+    asked_rows: list[Row] = []
+    timed_rows: list[Row] = []
+    rows_of_full_grids: list[Row] = []
     if "times" in studies:
-        timed = times.time_to_area(waves, surfaces, largest)
+        timed_rows = times.time_to_area(waves, surfaces, largest)
     if "full" in studies:
-        numbers = [max(large_maps >> place, 1) for place in range(len(nodes))]
-        large = full_grid.full_grid(nodes, numbers)
+        numbers = [max(large_maps // 2**place, 1) for place in range(len(nodes))]
+        rows_of_full_grids = full_grid.full_grid(nodes, numbers)
     if "asked" in studies:
-        rows = asked_and_got(contacts, measured, kinds, processes)
-    ratios = times.ratios(timed)
-    medians = full_grid.medians(large)
+        asked_rows = asked_and_got(contacts, measured, kinds, processes)
+    ratios = times.ratios(timed_rows)
+    medians = full_grid.medians(rows_of_full_grids)
     return Report(
         {
-            "promises": promises(rows, ratios, medians),
-            "asked": summary.by_kind(rows),
-            "answers": summary.by_answer(rows),
-            "bars": summary.bars_of_maps(rows),
-            "contacts": rows,
+            "promises": promises(asked_rows, ratios, medians),
+            "asked": summary.by_error(asked_rows, "area", "kind"),
+            "answers": summary.by_error(asked_rows, "all", "answer"),
+            "bars": summary.bars_of_maps(asked_rows),
+            "contacts": asked_rows,
             "ratios": ratios,
-            "curves": times.curves(timed),
-            "times": timed,
+            "curves": times.curves(timed_rows),
+            "times": timed_rows,
             "full": medians,
-            "full-maps": large,
+            "full-maps": rows_of_full_grids,
         }
     )
 
 
 def _check(waves: Sequence[int], nodes: Sequence[int], of: Sequence[str]) -> None:
-    """Raise InputError for numbers of waves and of nodes, and for studies, that cannot be."""
+    """Raise InputError for an unknown study, a number of waves below 1, or too few nodes."""
     for name in of:
         if name not in STUDIES:
             raise InputError(f"--of {name}: give some of {', '.join(STUDIES)}")

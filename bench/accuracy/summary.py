@@ -1,4 +1,4 @@
-"""Tables of what was asked and what was got, by kind of surface and by answer."""
+"""Summarise the errors that were asked for and got, by kind of surface and by answer."""
 
 from collections.abc import Callable, Iterable, Sequence
 from statistics import median
@@ -7,42 +7,33 @@ from bench.accuracy.asked import ENOUGH_IN_WAVE
 from bench.files import Row
 
 ROUNDING = 1e-4
-"""Part of a value by which a bar of a map is widened, for the tolerances of both solves [%]."""
+"""Error of a value that the tolerances of both solves may cause [% of the value].
+
+A bar holds if the error exceeds it by no more than this, and smaller errors are rounded up to it
+before a bar is divided by them.
+"""
 
 
-def by_kind(rows: Sequence[Row]) -> list[Row]:
-    """Summarise the areas that were asked for alone, for each error and kind.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        Rows of `asked_and_got`.
-
-    Returns
-    -------
-    list of Row
-        A row for each error and kind, and one for all kinds of each error. Columns are those of
-        `share_row`.
-    """
-    of_area = [row for row in rows if row["asked_for"] == "area"]
-    return _tabulated(of_area, "asked_percent", "kind")
-
-
-def by_answer(rows: Sequence[Row]) -> list[Row]:
-    """Summarise the answers that were asked for together, for each error and answer.
+def by_error(rows: Sequence[Row], asked_for: str, column: str) -> list[Row]:
+    """Summarise answers that were asked for, for each error and each value of a column.
 
     Parameters
     ----------
     rows : sequence of Row
         Rows of `asked_and_got`.
+    asked_for : {"area", "all"}
+        Whether rows of the area alone are summarised, or those of all answers together.
+    column : {"kind", "answer"}
+        Column that has a row for each of its values.
 
     Returns
     -------
     list of Row
-        A row for each error and answer; columns as in `share_row`.
+        A row for each error and value, with the columns of `share_row`. By "kind", each error has
+        a further row for all kinds.
     """
-    of_all = [row for row in rows if row["asked_for"] == "all"]
-    return _tabulated(of_all, "asked_percent", "answer")
+    selected = [row for row in rows if row["asked_for"] == asked_for]
+    return _tabulated(selected, "asked_percent", column)
 
 
 def bars_of_maps(rows: Sequence[Row]) -> list[Row]:
@@ -68,21 +59,24 @@ def bars_of_maps(rows: Sequence[Row]) -> list[Row]:
 
 
 def _tabulated(rows: Sequence[Row], outer: str, inner: str) -> list[Row]:
-    """Return a row for each value of two columns, and one for all values of the inner one."""
+    """Return a row of `share_row` for each value of a column `outer` and each of `inner`.
+
+    If `inner` is "kind", each value of `outer` has a further row for all kinds.
+    """
     table = []
     for outer_value in _values(rows, outer):
         group = [row for row in rows if row[outer] == outer_value]
         for inner_value in _values(group, inner):
             subgroup = [row for row in group if row[inner] == inner_value]
-            begin = {outer: outer_value, inner: inner_value}
-            table.append(begin | share_row(subgroup))
+            names = {outer: outer_value, inner: inner_value}
+            table.append(names | share_row(subgroup))
         if inner == "kind":
             table.append({outer: outer_value, inner: "all"} | share_row(group))
     return table
 
 
 def _values(rows: Iterable[Row], column: str) -> list[object]:
-    """Return the values of a column, each once, in the order of the rows."""
+    """Return the distinct values of a column, in the order of the rows."""
     return list(dict.fromkeys(row[column] for row in rows))
 
 
@@ -97,9 +91,9 @@ def share_row(rows: Sequence[Row]) -> Row:
     Returns
     -------
     Row
-        The number of answers and the share that was answered; of these the share within what was
-        asked, the share inside its bar, the median ratio of bar and error, the median and the
-        largest error. A value without answers is None.
+        The number of rows, and the share that has an answer [%]. Of the answers: the share within
+        the error that was asked for and the share within their bars [%], the median ratio of bar
+        and error [1], the median and the largest error [%]. These are None without answers.
     """
     answered = [row for row in rows if row["answered"]]
     return {

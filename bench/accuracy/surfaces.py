@@ -29,7 +29,7 @@ from gen.runtime.errors import InputError
 from gen.surface import generate
 
 NODES = (64, 96, 128, 144)
-"""Nodes a side of the maps that are given."""
+"""Nodes a side of the maps, from which one number is drawn."""
 
 FEWEST_IN_WAVE = 4.0
 """Fewest nodes in the shortest wave of a map."""
@@ -44,7 +44,7 @@ FINER = 4
 """Spacing of a map over that of its exact grid, where the exact grid is not too large."""
 
 CREASES_FINER = 8
-"""The same of surfaces with creases, on which errors fall more slowly with the spacing."""
+"""Spacing of a map with creases over that of its exact grid: its errors fall more slowly."""
 
 FINEST = 576
 """Most nodes a side of an exact grid; such a grid is at least three times as fine as its map."""
@@ -61,10 +61,10 @@ GAUSSIAN = math.sqrt(math.log(2) / 2) / math.pi
 
 @dataclass(frozen=True)
 class Sample:
-    """A surface on a patch with a side of 1 along x."""
+    """A surface on a patch whose side along x is the unit of length."""
 
     boundary: Boundary
-    # Takes n places along both axes, (n,) [side of the patch]; returns the heights, (n, n) [side].
+    # function of n places along both axes, (n,) [side of the patch], to the heights, (n, n) [side]
     surface: Surface
     nodes: int  # nodes a side of the map that is given
     # Nodes of the map in the shortest wave; 0 at creases, infinite without waves, NaN if not known.
@@ -92,8 +92,8 @@ class Sample:
         Returns
         -------
         ndarray, shape (nodes, nodes)
-            Heights [side]. Nodes are at the centres of the cells, and on a periodic patch at their
-            corners.
+            Heights [side]. Nodes are at the centres of the cells; on a periodic patch they are at
+            the corners.
         """
         return self.surface(places(nodes, self.boundary))
 
@@ -146,7 +146,7 @@ def mirrored(surface: Surface) -> Surface:
 
 @dataclass(frozen=True)
 class _Map:
-    """A map of self-affine waves: its nodes, and what its waves need."""
+    """A map of self-affine waves: its nodes, its shortest wave and its Hurst exponent."""
 
     nodes: int  # nodes a side
     waves: int  # periods of the shortest wave on a side
@@ -156,7 +156,8 @@ class _Map:
 def _draw_map(random: np.random.Generator) -> _Map:
     """Draw the nodes of a map, the shortest wave on it and the Hurst exponent.
 
-    The shortest wave has a log-uniform number of nodes, but `FEWEST_WAVES` of them fit on a side.
+    The number of nodes in the shortest wave is log-uniform, but at least `FEWEST_WAVES` periods of
+    the wave are on a side.
     """
     nodes = int(random.choice(NODES))
     log_nodes = random.uniform(math.log(FEWEST_IN_WAVE), math.log(MOST_IN_WAVE))
@@ -176,7 +177,7 @@ def _rough(
     *,
     aspect: float = 1.0,
 ) -> Sample:
-    """Draw self-affine waves; without a boundary it is drawn, too.
+    """Draw self-affine waves. The boundary is drawn too if it is None.
 
     A wave along y is `aspect` times as long as the wave of the same amplitude along x. A free patch
     is a window of a longer surface.
@@ -213,7 +214,7 @@ def _reshaped(
 ) -> Sample:
     """Draw self-affine waves whose heights a function reshapes.
 
-    The shortest wave is that of the surface before.
+    `nodes_in_wave` of the sample is that of the surface before it is reshaped.
     """
     base = _rough(random)
     return Sample(
@@ -367,7 +368,10 @@ def _oblong(random: np.random.Generator) -> Sample:
 
 
 def _machined(random: np.random.Generator) -> Sample:
-    """Draw a window of a made map of a machined surface with 4 nodes in the shortest wave."""
+    """Draw a window of a made map of a machined surface.
+
+    Such maps have 4 nodes in the shortest wave, unless a filter removes more waves.
+    """
     nodes = int(random.choice(NODES))
     shape = (nodes + 2 * MARGIN, nodes + 2 * MARGIN)
     description = MadeMap(
@@ -377,7 +381,8 @@ def _machined(random: np.random.Generator) -> Sample:
         rms=random.uniform(0.3, 2.0),
         length=random.uniform(15, 40),
     )
-    return _window(made_surface(description), _draw_cutoff(random), 4.0)
+    heights = made_surface(description)
+    return _window(heights, _draw_cutoff(random), nodes_in_wave=4.0)
 
 
 def _draw_cutoff(random: np.random.Generator) -> float:
@@ -403,8 +408,8 @@ def _window(heights: Heights, cutoff: float, nodes_in_wave: float) -> Sample:
         heights = gaussian_filter(heights, GAUSSIAN * cutoff, mode="nearest")
         nodes_in_wave = cutoff
     nodes = len(heights) - 2 * MARGIN
-    own_places = (np.arange(len(heights)) - MARGIN + 0.5) / nodes
-    spline = RectBivariateSpline(own_places, own_places, heights / nodes, kx=5, ky=5)
+    node_places = (np.arange(len(heights)) - MARGIN + 0.5) / nodes
+    spline = RectBivariateSpline(node_places, node_places, heights / nodes, kx=5, ky=5)
     return Sample("free", lambda x: np.asarray(spline(x, x)), nodes, nodes_in_wave)
 
 
@@ -419,7 +424,7 @@ class MeasuredMap:
 def read_maps(folder: Path) -> list[MeasuredMap]:
     """Read and prepare all maps of a folder.
 
-    Those that cannot be read or are too small are named on standard error, and left out.
+    Maps that cannot be read or are too small are left out, and named on standard error.
 
     Parameters
     ----------

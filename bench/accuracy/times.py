@@ -1,8 +1,10 @@
-"""Times to an area within an error: ours beside those of other solvers, on the same surfaces.
+"""Time `bem.solve_within` and other solvers to an area within an error, on the same surfaces.
 
-Others count nodes, and a count is too large along every border of contact. So they need a finer
-grid than the map: the coarsest one whose count is within the error. Where that grid would be too
-large to be solved here, its nodes and its time are extrapolated, and the row says so.
+Other solvers count nodes in contact, and the count is too large along every border of contact. They
+need the coarsest grid whose count is within the error, which may be finer than the map. Where that
+grid is too large to be solved here, its nodes and its time are extrapolated, and the row says so.
+
+Tables call a solver with all its settings a way; ours is `bem.solve_within`.
 """
 
 import math
@@ -30,10 +32,10 @@ OURS = "bem.solve_within"
 """Name of our way to an area within an error."""
 
 ERRORS = (0.03, 0.01, 0.003)
-"""Relative errors of the area within which all ways shall be [1]."""
+"""Relative errors of the area that all ways have to reach [1]."""
 
 ASKED = (0.1, *ERRORS)
-"""Errors that our way is asked for; the first one is only for the picture."""
+"""Relative errors that our way is asked for; the first one is only for the picture [1]."""
 
 PRESSURE = 0.05 * SLOPE
 """Mean pressure on all surfaces, a twentieth of E* times the rms slope [MPa]."""
@@ -45,21 +47,21 @@ IN_WAVE = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Nodes in the shortest wave of the grids of the other solvers."""
 
 MAP_IN_WAVE = 32
-"""Nodes in the shortest wave of the map that our way is given, and of the defaults."""
+"""Nodes in the shortest wave of the map on which our way, and all defaults, are timed."""
 
 TRUTH_IN_WAVE = 64
-"""Nodes in the shortest wave of the grid whose area in the continuum counts as true."""
+"""Nodes in the shortest wave of the grid whose area in the continuum is taken as the true one."""
 
 COARSEST = 32
-"""Fewest nodes a side of a grid."""
+"""Fewest nodes a side of the grids of other solvers."""
 
 SHARE = 0.1
-"""Largest difference that a tolerance may make to a count, over the error of the count [1]."""
+"""Largest change of a count by the solver's tolerance, over the error of the count [1]."""
 
 DEFAULTS: Mapping[str, float] = {
     "ContactMechanics primal": 1e-6,  # its `thermotol`
     "ContactMechanics dual": 1e-8,  # its `gtol`
-    "Tamaas": 1e-8,  # it has no default: the one of the others
+    "Tamaas": 1e-8,  # it has no default, and gets the most usual one
     "ASPHER": 1e-8,
     "ASPHER nested, FFT": 1e-8,
 }
@@ -72,7 +74,10 @@ NEEDED = ("measured", "extrapolated")
 """Values of column `row` for the coarsest grid of an error."""
 
 TURN = 0.05
-"""Least CPU time for which a solve is repeated [s]."""
+"""Least CPU time of all repetitions of a solve [s]."""
+
+SEED = 7303
+"""First number of the seeds of all surfaces, which keeps them apart from those of other studies."""
 
 PATIENCE = 5.0
 """CPU time of a solve above which it is timed only once [s]."""
@@ -104,7 +109,7 @@ def timed(work: Callable[[], object], turn: float = TURN) -> float:
 
 @dataclass(frozen=True)
 class Solved:
-    """What a way got, and the time that it took."""
+    """The area that a way gives on a grid, by its error, and the time that it takes."""
 
     nodes: int  # nodes a side
     seconds: float  # CPU time [s]
@@ -114,7 +119,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Rough:
-    """A self-affine surface without edges under `PRESSURE`, and its area on a fine grid.
+    """A self-affine periodic surface under `PRESSURE`, and its true area.
 
     Its side is 1 um, and E* is 1 MPa.
     """
@@ -140,7 +145,7 @@ class Rough:
         Rough
             The surface.
         """
-        random = np.random.default_rng((7303, waves, number))
+        random = np.random.default_rng((SEED, waves, number))
         surface = random_waves(1, waves, HURST[number % len(HURST)], random)
         fine = surface(places(TRUTH_IN_WAVE * waves, "periodic"))
         return cls(waves, number, surface, _pressed(fine).continuum_area_percent)
@@ -179,7 +184,7 @@ def _pressed(heights: Heights) -> bem.Contact:
 def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]:
     """Time all ways to an area within an error, on the same surfaces.
 
-    Prints on standard error the progress, and which packages are not installed.
+    Prints the progress, and the packages that are not installed, on standard error.
 
     Parameters
     ----------
@@ -193,9 +198,11 @@ def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]
     Returns
     -------
     list of Row
-        A row for each way, surface and grid. In column `row`, "grid" is a grid that was
-        solved, "default" what a way gives by default, and "extrapolated" a larger grid. Column
-        `within_percent` has the errors of `ERRORS` of which this is the coarsest grid.
+        Rows for each way and surface. Column `row` is "grid" for each grid that was solved,
+        "default" for the map with default settings, and, for each error of `ERRORS` and other
+        solver, "measured" or "extrapolated" for the coarsest grid within the error. Column
+        `within_percent` has this error, for our way the error that was asked for, and None in all
+        other rows.
     """
     peers = PERIODIC_SOLVERS[1:]
     for package, install in missing(peers).items():
@@ -211,8 +218,8 @@ def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]
 def _rows_of_surface(rough: Rough, peers: Sequence[Solver], largest: int) -> list[Row]:
     """Return the rows of one surface.
 
-    Our way takes a turn after each grid of the others, so that slow seconds of the machine are
-    shared.
+    Our way takes a turn after each grid of the other solvers, so that slow seconds of the machine
+    slow all of them.
     """
     ours = _Ours(rough)
     others = [_Peer(rough, solver) for solver in peers]
@@ -240,9 +247,11 @@ def _row(
     within: float | None = None,
     ours: "_Ours",
 ) -> Row:
-    """Return a row; `within` is the error that the way is within [1], None for any other grid.
+    """Return a row of a way.
 
-    `times_ours` is the time over that of our way to the same error.
+    `kind` is the value of column `row`. `within` is the error that this grid is needed for [1]; it
+    is None for a grid that no error needs. Column `times_ours` is the time over that of our way to
+    the same error.
     """
     times = None
     if within is not None and within in ours.solved:
@@ -263,10 +272,9 @@ def _row(
 
 
 class _Ours:
-    """Our way on one surface, which is given as a map of `MAP_IN_WAVE` nodes in the shortest wave.
+    """Our way on the map of a surface with `MAP_IN_WAVE` nodes in the shortest wave.
 
-    `solved` has what it got by the error that was asked for. Errors that it cannot reach are
-    missing. Times are medians over all turns.
+    Errors that cannot be reached are left out. Times are medians over all turns.
     """
 
     def __init__(self, rough: Rough) -> None:
@@ -299,7 +307,7 @@ class _Ours:
 
     @property
     def solved(self) -> dict[float, Solved]:
-        """What was got, by the error that was asked for."""
+        """The solved grids by the errors that were asked for [1]."""
         return {
             asked: Solved(
                 nodes=contact.pressure.shape[0],
@@ -340,7 +348,7 @@ class _Grid:
 
     @classmethod
     def solved(cls, rough: Rough, in_wave: int) -> "_Grid":
-        """Solve a grid of a surface, with so many nodes in the shortest wave, by `bem.solve`."""
+        """Solve the grid with `in_wave` nodes in the shortest wave of a surface, by `bem.solve`."""
         heights = rough.heights(in_wave)
         contact = _pressed(heights)
         case = Case(
@@ -354,9 +362,9 @@ class _Grid:
 
 
 class _Peer:
-    """Another solver on one surface: its time on each grid, at the loosest tolerance that will do.
+    """Another solver on one surface: its time on each grid, at the loosest sufficient tolerance.
 
-    A tolerance will do if it changes the count by no more than `SHARE` of the count's error. The
+    A tolerance is sufficient if it changes the count by at most `SHARE` of the count's error. The
     search begins at the tolerance of the grid before.
     """
 
@@ -367,7 +375,10 @@ class _Peer:
         self._solved: list[Solved] = []  # by rising nodes
 
     def take_grid(self, grid: _Grid) -> None:
-        """Find the tolerance on a grid and time the solver; nothing if no tolerance will do."""
+        """Find the tolerance on a grid, time the solver, and keep the time.
+
+        Keep nothing if the solver fails or no tolerance is sufficient.
+        """
         while self._ladder:
             try:
                 solved = self._solve(grid, self._ladder[0])
@@ -382,7 +393,7 @@ class _Peer:
     def _solve(self, grid: _Grid, tolerance: float) -> Solved:
         """Solve a grid with a tolerance; raise Failure if the solver fails.
 
-        The time may contain what the first solve on a grid sets up.
+        The time may include the setup that the first solve on a grid needs.
         """
         began = time.process_time()
         answer = self._solver.solve(grid.case, tolerance)
@@ -404,32 +415,28 @@ class _Peer:
         return replace(solved, seconds=timed(solve))
 
     def rows(self, ours: _Ours) -> list[Row]:
-        """Return a row for each grid, and for each error one of its coarsest grid.
+        """Return a row for each solved grid, and one for the coarsest grid within each error.
 
-        That grid is extrapolated if it was not solved.
+        The latter is extrapolated if no solved grid is within the error. It is left out if fewer
+        than two grids were solved.
         """
         name = self._solver.name
         rows = [
             _row(self._rough, name, "grid", solved, ours=ours) for solved in self._solved
         ]
         for within in ERRORS:
-            good = [one for one in self._solved if abs(one.error) <= within]
-            if good:
-                rows.append(
-                    _row(self._rough, name, "measured", good[0], within=within, ours=ours)
-                )
+            sufficient = [
+                solved for solved in self._solved if abs(solved.error) <= within
+            ]
+            if sufficient:
+                kind = "measured"
+                coarsest = sufficient[0]
             elif len(self._solved) > 1:
-                solved = extrapolated(self._solved, within)
-                rows.append(
-                    _row(
-                        self._rough,
-                        name,
-                        "extrapolated",
-                        solved,
-                        within=within,
-                        ours=ours,
-                    )
-                )
+                kind = "extrapolated"
+                coarsest = extrapolated(self._solved, within)
+            else:
+                continue
+            rows.append(_row(self._rough, name, kind, coarsest, within=within, ours=ours))
         return rows
 
     def default_rows(self, grid: _Grid, ours: _Ours) -> list[Row]:
@@ -447,7 +454,8 @@ def extrapolated(solved: Sequence[Solved], within: float) -> Solved:
     """Extrapolate the nodes and the time that a count needs to be within an error.
 
     The error of a count is proportional to the spacing. The time grows with a power of the nodes a
-    side that is fitted to the last grids. It is at least 2, as of the number of nodes, at most 3.
+    side, which is fitted to the last `FITTED` grids and kept between 2 (time proportional to the
+    number of all nodes) and 3.
 
     Parameters
     ----------
@@ -459,12 +467,14 @@ def extrapolated(solved: Sequence[Solved], within: float) -> Solved:
     Returns
     -------
     Solved
-        Nodes a side, time and error.
+        The nodes a side and the time of the grid whose error, with its sign, has the size `within`.
     """
     last = solved[-1]
     of_fit = solved[-FITTED:]
     power, _ = np.polyfit(
-        np.log([one.nodes for one in of_fit]), np.log([one.seconds for one in of_fit]), 1
+        np.log([grid.nodes for grid in of_fit]),
+        np.log([grid.seconds for grid in of_fit]),
+        deg=1,
     )
     power = min(max(float(power), 2.0), 3.0)
     nodes = math.ceil(last.nodes * abs(last.error) / within)
@@ -483,9 +493,10 @@ def ratios(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each error and solver: the number of surfaces on which its grid was
-        measured and on which it was extrapolated, the geometric means of nodes and of times over
-        ours of both. A mean over no surface is None.
+        A row for each error and solver. It has the number of surfaces on which the grid of the
+        error was measured, and the geometric means of the nodes a side and of the times over ours
+        on these; then the same for the surfaces on which that grid was extrapolated. A mean over no
+        surface is None.
     """
     groups: dict[tuple[float, str], list[Row]] = {}
     for row in rows:
@@ -526,9 +537,9 @@ def curves(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of Row
-        A row for each number of waves, way and grid (for our way: each error asked for) with the
-        geometric means of the time, of the size of the error, and of both of them by default. Grids
-        that not all surfaces have are left out.
+        A row for each number of waves, way and grid (of our way: each error asked for). It has the
+        geometric means of the time [s] and of the size of the error [%], and those with default
+        settings. Grids that not all surfaces have are left out.
     """
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:

@@ -71,7 +71,7 @@ def rows():
 def test_errors_that_were_asked_for_are_got(rows):
     (spheres,) = (
         row
-        for row in summary.by_kind(rows)
+        for row in summary.by_error(rows, "area", "kind")
         if (row["asked_percent"], row["kind"]) == (3.0, "spheres")
     )
     assert spheres["answered_percent"] == spheres["within_percent"] == 100
@@ -120,7 +120,7 @@ def test_shares_are_of_answers_that_were_given():
         judged("a", "", "", answered=False),
         judged("b", 0.5, 2.0),
     ]
-    of_a, of_b, of_all = summary.by_kind(made)
+    of_a, of_b, of_all = summary.by_error(made, "area", "kind")
     assert of_a["answered_percent"] == pytest.approx(200 / 3)
     assert of_a["within_percent"] == of_a["bar_holds_percent"] == 50
     assert of_a["bar_over_error"] == pytest.approx(1.25)
@@ -240,6 +240,7 @@ def test_the_force_of_a_periodic_patch_follows_from_its_load():
 def test_full_grids_are_timed_beside_ours():
     rows = full_grid.full_grid([64], [2])
     assert [row["boundary"] for row in rows] == ["periodic"] * 2 + ["mirror"] * 2
+    assert any(row["grid"] for row in rows)
     for row in rows:
         if row["grid"]:
             assert row["times"] == pytest.approx(row["full_seconds"] / row["seconds"])
