@@ -624,42 +624,50 @@ def _hydraulic_aperture(axis: int) -> Quantity:
     )
 
 
+def _sheared(
+    axis: int, answer: Callable[[Sheared], float]
+) -> Callable[[Contact, Media], float]:
+    """Return the function that shears a contact along axis 0 (x) or 1 (y) and reads an answer.
+
+    It raises ValueError for media without friction.
+    """
+    return lambda contact, media: answer(
+        Sheared(contact, _required_friction(media), axis)
+    )
+
+
 def _shear_quantities(axis: int) -> tuple[Quantity, ...]:
     """Make the records of shear along axis 0 (x) or 1 (y)."""
-    name = "xy"[axis]
+    axis_name = "xy"[axis]
     stiffness = Quantity(
-        name=f"shear_stiffness_{name}",
+        name=f"shear_stiffness_{axis_name}",
         unit="N/m",
-        words=f"stiffness of the interface in shear along {name}, where nothing slips",
-        read=lambda contact, media: (
-            Sheared(contact, _required_friction(media), axis).interface_stiffness
-        ),
+        words=f"stiffness of the interface in shear along {axis_name}, where nothing slips",
+        read=_sheared(axis, lambda sheared: sheared.interface_stiffness),
         powers=LIKE_STIFFNESSES,
-        noun=f"shear stiffness along {name}",
+        noun=f"shear stiffness along {axis_name}",
         remark="of the interface, before slip",
         option="friction",
         cost="a linear solve",
         at_full=_interface_at_full,
         law=InLaw(
-            short=f"shear_stiffness_{name}",
+            short=f"shear_stiffness_{axis_name}",
             per_area="MPa/um",
-            key=f"shear_stiffness_{name}_MPa_per_um",
+            key=f"shear_stiffness_{axis_name}_MPa_per_um",
         ),
     )
     slip = Quantity(
-        name=f"elastic_slip_{name}",
+        name=f"elastic_slip_{axis_name}",
         unit="um",
-        words=f"friction times force over the shear stiffness along {name}",
-        read=lambda contact, media: (
-            Sheared(contact, _required_friction(media), axis).elastic_slip
-        ),
+        words=f"friction times force over the shear stiffness along {axis_name}",
+        read=_sheared(axis, lambda sheared: sheared.elastic_slip),
         powers=LIKE_HEIGHTS,
-        noun=f"elastic slip along {name}",
+        noun=f"elastic slip along {axis_name}",
         remark="friction times pressure over that stiffness",
         option="friction",
         cost="a linear solve",
         at_full=_nothing,
-        law=InLaw(short=f"elastic_slip_{name}", trend="turns"),
+        law=InLaw(short=f"elastic_slip_{axis_name}", trend="turns"),
     )
     shifts = [_shift_quantity(axis, share) for share in SHARES]
     losses = [_loss_quantity(axis, share) for share in SHARES]
@@ -667,45 +675,38 @@ def _shear_quantities(axis: int) -> tuple[Quantity, ...]:
 
 
 def _shift_quantity(axis: int, share: float) -> Quantity:
-    """Make the record of the shift at a share of sliding, one of `SHARES`."""
+    """Make the record of the shift at a share of the sliding force, one of `SHARES`."""
     axis_name = "xy"[axis]
     percent = f"{100 * share:.0f}"
+    name = f"shift_{axis_name}_{percent}"
     return Quantity(
-        name=f"shift_{axis_name}_{percent}",
+        name=name,
         unit="um",
         words=f"shift of the interface along {axis_name} at {percent} % of the sliding force",
-        read=lambda contact, media: Sheared(
-            contact, _required_friction(media), axis
-        ).shift(share),
+        read=_sheared(axis, lambda sheared: sheared.shift(share)),
         powers=LIKE_HEIGHTS,
         noun=f"shift along {axis_name} at {percent} % of sliding",
         cost="contacts under smaller loads",
         at_full=_nothing,
-        law=InLaw(short=f"shift_{axis_name}_{percent}", trend="turns"),
+        law=InLaw(short=name, trend="turns"),
     )
 
 
 def _loss_quantity(axis: int, share: float) -> Quantity:
-    """Make the record of the loss of a cycle, up to a share of sliding, one of `SHARES`."""
+    """Make the record of the loss of a cycle up to a share of the sliding force."""
     axis_name = "xy"[axis]
     percent = f"{100 * share:.0f}"
+    name = f"loss_{axis_name}_{percent}"
     return Quantity(
-        name=f"loss_{axis_name}_{percent}",
+        name=name,
         unit="pJ",
         words=f"loss of a cycle along {axis_name} up to {percent} % of the sliding force",
-        read=lambda contact, media: Sheared(
-            contact, _required_friction(media), axis
-        ).loss(share),
+        read=_sheared(axis, lambda sheared: sheared.loss(share)),
         powers=Powers(heights=2, lengths=1, modulus=1),
         noun=f"loss along {axis_name} up to {percent} % of sliding",
         cost="contacts under smaller loads",
         at_full=_nothing,
-        law=InLaw(
-            short=f"loss_{axis_name}_{percent}",
-            trend="turns",
-            per_area="J/m2",
-            key=f"loss_{axis_name}_{percent}_J_per_m2",
-        ),
+        law=InLaw(short=name, trend="turns", per_area="J/m2", key=f"{name}_J_per_m2"),
     )
 
 
@@ -1103,12 +1104,19 @@ GAS = QUANTITIES["gas_conductance"]
 JOINT = QUANTITIES["joint_conductance"]
 CONTINUUM = QUANTITIES["continuum_area_percent"]
 APERTURES = (QUANTITIES["hydraulic_aperture_x"], QUANTITIES["hydraulic_aperture_y"])
+SHEAR_STIFFNESSES = (QUANTITIES["shear_stiffness_x"], QUANTITIES["shear_stiffness_y"])
+ELASTIC_SLIPS = (QUANTITIES["elastic_slip_x"], QUANTITIES["elastic_slip_y"])
+SLIP_CURVES = tuple(
+    quantity for quantity in RECORDS if quantity.name.startswith(("shift_", "loss_"))
+)
+"""Shifts and losses along x and y, at shear forces up to sliding."""
+
 OF_SHEAR = tuple(
     quantity
     for quantity in RECORDS
-    if quantity.name.startswith(("shear_stiffness_", "elastic_slip_", "shift_", "loss_"))
+    if quantity in {*SHEAR_STIFFNESSES, *ELASTIC_SLIPS, *SLIP_CURVES}
 )
-"""Quantities that need the friction of an interface."""
+"""Quantities that need the friction of an interface, in the order of the columns."""
 
 USUAL = (AREA.name, FORCE.name, DELTA.name)
 """Default outputs of functions and of the server."""

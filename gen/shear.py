@@ -43,7 +43,7 @@ class Sheared:
 
     @property
     def interface_stiffness(self) -> float:
-        """Stiffness of the interface where nothing slips [N/m], infinite at full contact."""
+        """Stiffness of the interface where nothing slips [N/m], infinite in full contact."""
         if self.contact.contact_nodes == self.contact.pressure.size:
             return math.inf
         return self._without_patch(self._stiffness)
@@ -52,7 +52,7 @@ class Sheared:
     def elastic_slip(self) -> float:
         """Friction times the normal force over the stiffness of the interface [um].
 
-        It is 0 for bodies apart and at full contact.
+        It is 0 for bodies apart and in full contact.
         """
         stiffness = self.interface_stiffness
         if stiffness == 0:  # bodies apart
@@ -70,12 +70,13 @@ class Sheared:
         Returns
         -------
         float
-            Shift [um]: 0 for bodies apart and at full contact, in which there is no interface.
+            Shift [um]: 0 for bodies apart and in full contact without edges. A free patch may slip
+            in full contact, too.
         """
         if self._is_without_interface:
             return 0.0
         slip = _slip_along_x(self.contact, self.friction)
-        return self._shift_of_interface(slip, SHARES.index(share))
+        return self._shift_of_interface(slip, SHARES.index(share), self._scale)
 
     def loss(self, share: float) -> float:
         """Return the loss of a cycle up to one of `SHARES`.
@@ -88,7 +89,8 @@ class Sheared:
         Returns
         -------
         float
-            Loss [pJ]: 0 for bodies apart and at full contact, in which there is no interface.
+            Loss [pJ]: 0 for bodies apart and in full contact without edges. A free patch may slip
+            in full contact, too.
         """
         if self._is_without_interface:
             return 0.0
@@ -125,12 +127,12 @@ class Sheared:
             axis=self.axis,
         )
         stiffnesses = [self._without_patch(value) for value in slip.stiffness.tolist()]
-        along_itself = 1.0  # the slip is already that of this axis
         return [
             SlipPoint(
                 share=share,
                 shear=float(slip.shears[place]),
-                shift=self._shift_of_interface(slip, place, along_itself),
+                # The slip is already that along this axis.
+                shift=self._shift_of_interface(slip, place, scale=1.0),
                 stiffness=stiffnesses[place],
                 stick_percent=float(slip.stick_percent[place]),
                 loss=float(slip.loss[place]),
@@ -150,12 +152,12 @@ class Sheared:
 
     @property
     def _stiffness(self) -> float:
-        """Stiffness in shear of the whole patch [N/m]."""
+        """Stiffness in shear of patch and interface together [N/m]."""
         return _patch_and_interface(self.contact, self.friction.poisson, self.axis)
 
     @property
     def _scale(self) -> float:
-        """Compliance of the whole patch along the axis over that along x [1]."""
+        """Compliance of patch and interface along the axis over that along x [1]."""
         along_x = _patch_and_interface(self.contact, self.friction.poisson, 0)
         return along_x / self._stiffness
 
@@ -170,7 +172,7 @@ class Sheared:
         return shear_patch_stiffness(problem, self.friction.poisson, self.axis)
 
     def _without_patch(self, stiffness: float) -> float:
-        """Return the stiffness of the interface from that of the whole patch [N/m]."""
+        """Return the stiffness of the interface from that of patch and interface [N/m]."""
         from bem.derived.stiffness import without_patch
 
         patch = self._patch
@@ -178,16 +180,12 @@ class Sheared:
             return stiffness
         return without_patch(stiffness, patch)
 
-    def _shift_of_interface(
-        self, slip: PartialSlip, place: int, scale: float | None = None
-    ) -> float:
+    def _shift_of_interface(self, slip: PartialSlip, place: int, scale: float) -> float:
         """Return the shift of the interface at one of the forces of a slip [um].
 
-        `scale` is the compliance along this axis over that along the axis of the slip, by default
-        `_scale`. Rounding that makes the shift negative is replaced by 0.
+        `scale` is the compliance along this axis over that along the axis of the slip. A shift that
+        rounding has made negative is replaced by 0.
         """
-        if scale is None:
-            scale = self._scale
         of_patch = slip.shears[place] / self._patch
         return max(float(scale * slip.shift[place] - of_patch), 0.0)
 
@@ -196,8 +194,8 @@ class Sheared:
 def _slip_along_x(contact: Contact, friction: Friction) -> PartialSlip:
     """Shear a contact along x by `SHARES` of the force at which the bodies slide.
 
-    The contacts that stick are the same along y. The answer is kept for further quantities of the
-    contact.
+    The same area sticks along y, so that its answers follow from these by a factor. The answer is
+    kept for further quantities of the contact.
     """
     from bem import partial_slip
 
@@ -208,7 +206,7 @@ def _slip_along_x(contact: Contact, friction: Friction) -> PartialSlip:
 
 @lru_cache(maxsize=8)
 def _patch_and_interface(contact: Contact, poisson: float, axis: int) -> float:
-    """Return the stiffness of a contact in shear [N/m], infinite at full contact without edges.
+    """Return the stiffness of patch and interface [N/m], infinite in full contact without edges.
 
     The answer is kept for further quantities of the contact.
     """

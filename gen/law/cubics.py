@@ -31,11 +31,12 @@ from gen.law.finite_elements import (
     description,
     in_words,
     rising,
+    write_lines,
 )
 from gen.law.lines import Deviation
 from gen.options import Units
 from gen.quantities import ALSO, CLOSURE, CONTINUUM, IN_LAWS
-from gen.runtime import VERSION, files
+from gen.runtime import VERSION
 from gen.runtime.installation import git_commit
 
 TEMPLATES = Path(__file__).parent
@@ -87,8 +88,7 @@ def write_header(path: Path, law: Law) -> list[Path]:
         *body,
         "#endif",
     ]
-    files.write(path, "\n".join(lines) + "\n")
-    return [path]
+    return write_lines(path, lines)
 
 
 def _inside_training(law: Law) -> Law:
@@ -480,5 +480,4 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
         lines += ["", f"{name} = ("]
         lines += [f"    {value!r}," for value in values.tolist()]
         lines.append(")")
-    files.write(path, "\n".join(lines) + "\n")
-    return [path]
+    return write_lines(path, lines)

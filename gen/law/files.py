@@ -23,10 +23,12 @@ from gen.quantities import (
     CLOSURE,
     CONTINUUM,
     DELTA,
+    ELASTIC_SLIPS,
     IN_LAWS,
     MEAN_GAP,
-    OF_SHEAR,
     PRESSURE,
+    SHEAR_STIFFNESSES,
+    SLIP_CURVES,
     STIFFNESS,
 )
 from gen.runtime import VERSION
@@ -44,13 +46,6 @@ PARTS = {
     "_std": "std",
 }
 """Attributes of `Curve` by the suffix of their columns, which follows the name of the quantity."""
-
-SLIP_CURVE = {
-    quantity.in_laws
-    for quantity in OF_SHEAR
-    if quantity.name.startswith(("shift_", "loss_"))
-}
-"""Names in laws of the quantities of slip curves."""
 
 FORMAT_VERSION = 1
 """Version of the JSON document. It is raised when a reader of the last version would misread a
@@ -143,7 +138,8 @@ def _columns_shown(table: Curves) -> list[str]:
     against pressure is printed without Delta if Delta equals the closure at every pressure. Shifts
     and losses are in files alone.
     """
-    names = [name for name in table.curves if name not in SLIP_CURVE]
+    slip_curves = {quantity.in_laws for quantity in SLIP_CURVES}
+    names = [name for name in table.curves if name not in slip_curves]
     if table.against == DELTA.in_laws:
         names.remove(CLOSURE.in_laws)
         return names
@@ -261,9 +257,9 @@ def _about_the_load(law: Law, table: Curves, place: int) -> Row:
 
 
 def _about_the_errors(law: Law, table: Curves, place: int) -> Row:
-    """Return the cells of a row about errors that were asked for, and the limits of the maps.
+    """Return the cells about errors that were asked for, and about the limits of the maps.
 
-    There are none if no error was asked for.
+    The row is empty if no error was asked for.
     """
     row = _errors_at(law, table, place)
     if law.limits:
@@ -272,7 +268,7 @@ def _about_the_errors(law: Law, table: Curves, place: int) -> Row:
 
 
 def _errors_at(law: Law, table: Curves, place: int) -> Row:
-    """Return the cells about errors that were asked for, at an argument; {} if none was."""
+    """Return the cells about the errors at one argument of a table; {} if none was asked for."""
     errors = law.order.errors
     if errors is None:
         return {}
@@ -403,7 +399,7 @@ def _table_in_json(table: Curves) -> dict[str, Any]:
 
 
 def _errors_in_json(law: Law, table: Curves) -> dict[str, Any]:
-    """Return the columns about errors of a table for JSON, {} if no error was asked for."""
+    """Return the columns about the errors of a table for JSON; {} if none was asked for."""
     if law.order.errors is None:
         return {}
     columns: dict[str, list[Any]] = {}
@@ -508,12 +504,10 @@ def _panels(curves: Curves) -> list[Panel]:
     name = curves.conductance_name or STIFFNESS.in_laws
     if name in curves.curves:
         panels.append(Panel(curve=curves.curves[name], label=IN_LAWS[name].label))
-    stiffness, slip = OF_SHEAR[:2]
-    if stiffness.in_laws in curves.curves:
-        panels.append(
-            Panel(curve=curves.curves[stiffness.in_laws], label=stiffness.label)
-        )
-        panels.append(Panel(curve=curves.curves[slip.in_laws], label=slip.label))
+    for quantity in (SHEAR_STIFFNESSES[0], ELASTIC_SLIPS[0]):  # along x
+        if quantity.in_laws in curves.curves:
+            curve = curves.curves[quantity.in_laws]
+            panels.append(Panel(curve=curve, label=quantity.label))
     return panels
 
 

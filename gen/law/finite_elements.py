@@ -35,7 +35,7 @@ from gen.law.curves import risen, trend
 from gen.law.lines import LEVEL, Column, Deviation, Line
 from gen.material import Friction
 from gen.options import BAND_SIDES, Units
-from gen.quantities import CLOSURE, QUANTITIES
+from gen.quantities import CLOSURE, ELASTIC_SLIPS, SHEAR_STIFFNESSES
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
@@ -54,12 +54,6 @@ may cause it [%]."""
 
 LONGEST_NAME = 60
 """Largest number of letters of the name of a surface interaction, which has to fit into 80."""
-
-SHEAR_STIFFNESSES = tuple(QUANTITIES[f"shear_stiffness_{axis}"].in_laws for axis in "xy")
-"""Names in laws of the stiffnesses in shear along x and y."""
-
-ELASTIC_SLIPS = tuple(QUANTITIES[f"elastic_slip_{axis}"].in_laws for axis in "xy")
-"""Names in laws of the elastic slips along x and y."""
 
 TEMPERATURE = 293.15
 """Temperature in the table of conductances, which do not depend on it; CalculiX wants one [K]."""
@@ -345,7 +339,7 @@ def _lines(
     tables = _tables(law, side, calculix=calculix)
     yield from comment(description(law, program, units, tables.pressures, side), "** ")
     yield from comment([_lines_in_words(law, side, tables.deviations)], "** ")
-    yield f"*SURFACE INTERACTION, NAME={_interaction_name(path)}"
+    yield f"*SURFACE INTERACTION, NAME={name_in_capitals(path, LONGEST_NAME)}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
     loads = tables.behaviour.values * units.pressure
     overclosures = tables.behaviour.at * units.length
@@ -359,17 +353,48 @@ def _lines(
         yield from _conductance_lines(tables.conducting, units, calculix=calculix)
 
 
-def _interaction_name(path: Path) -> str:
-    """Return the name of the surface interaction of a file: its stem, changed into a valid name.
+def name_in_capitals(path: Path, longest: int | None = None) -> str:
+    """Change the stem of a file into a valid name of an interaction or a table.
 
     Letters are upper case, other characters than letters and digits become "_", and a name that
     does not begin with a letter gets "LAW_" before it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    longest : int, optional
+        Largest number of characters before "LAW_" is added; by default all are kept.
+
+    Returns
+    -------
+    str
+        The name, as "STEEL_2" for steel-2.inp.
     """
     stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem)
-    name = stem.strip("_").upper()[:LONGEST_NAME]
+    name = stem.strip("_").upper()[:longest]
     if name[:1].isalpha():
         return name
     return f"LAW_{name}".rstrip("_")
+
+
+def write_lines(path: Path, lines: Iterable[str]) -> list[Path]:
+    """Write the lines of a program's only file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    lines : iterable of str
+        Its lines, without line ends.
+
+    Returns
+    -------
+    list of Path
+        The file, as the result of a function of `gen.law.files.WRITERS`.
+    """
+    files.write(path, "\n".join(lines) + "\n")
+    return [path]
 
 
 def _friction_lines(
@@ -377,12 +402,12 @@ def _friction_lines(
 ) -> Iterator[str]:
     """Yield the keyword of the friction with its line.
 
-    Abaqus takes an elastic slip, which hardly changes with the pressure. CalculiX takes the slope
-    of the shear stress over the shift, which is that at one pressure of the user's; without this
-    pressure there is a comment instead.
+    Abaqus takes one elastic slip for all pressures: the median of the law. CalculiX takes one slope
+    of the shear stress over the shift: that at the pressure of --at-pressure. Without this option
+    CalculiX gets a comment instead.
     """
     if not calculix:
-        slip = mean_elastic_slip(law) * units.length
+        slip = _median_elastic_slip(law) * units.length
         yield f"*FRICTION, ELASTIC SLIP={slip:.10g}"
         yield f"{friction.coefficient:.10g}"
         return
@@ -393,75 +418,51 @@ def _friction_lines(
             " at one."
         )
         return
-    slope = stick_slope(law, pressure) * units.pressure / units.length
+    slope = _stick_slope(law, pressure) * units.pressure / units.length
     yield "*FRICTION"
     yield f"{friction.coefficient:.10g}, {slope:.10g}"
 
 
-def mean_elastic_slip(law: Law) -> float:
-    """Return the elastic slip of a law, the median over its pressures and both axes [um].
-
-    Parameters
-    ----------
-    law : Law
-        A law with shear.
-
-    Returns
-    -------
-    float
-        Elastic slip [um].
-    """
+def _median_elastic_slip(law: Law) -> float:
+    """Return the median of the elastic slips of a law over its pressures and both axes [um]."""
     table = law.over_pressure
     loaded = table.at > 0
-    slips = [table.curves[name].value[loaded] for name in ELASTIC_SLIPS]
+    slips = [table.curves[slip.in_laws].value[loaded] for slip in ELASTIC_SLIPS]
     return float(np.median(slips))
 
 
-def stick_slope(law: Law, pressure: float) -> float:
-    """Return the stiffness of the interface in shear at a pressure, the mean of both axes.
+def _stick_slope(law: Law, pressure: float) -> float:
+    """Return the mean of the interface's stiffnesses in shear along x and y [MPa/um].
 
-    Between the pressures of the law it is a power of the pressure.
-
-    Parameters
-    ----------
-    law : Law
-        A law with shear.
-    pressure : float
-        Nominal pressure [MPa].
-
-    Returns
-    -------
-    float
-        Shear stress per shift [MPa/um].
-
-    Raises
-    ------
-    InputError
-        If the pressure is outside the law.
+    They are those at a nominal pressure [MPa]; between the pressures of the law the mean is a power
+    of the pressure. Raises InputError if the pressure is outside the law.
     """
     table = law.over_pressure
     loaded = table.at > 0
     pressures = table.at[loaded]
     require_in_law(pressure, pressures)
-    stiffnesses = [table.curves[name].value[loaded] for name in SHEAR_STIFFNESSES]
-    mean = np.mean(stiffnesses, axis=0)
-    return float(np.exp(np.interp(np.log(pressure), np.log(pressures), np.log(mean))))
+    stiffnesses = [
+        table.curves[stiffness.in_laws].value[loaded] for stiffness in SHEAR_STIFFNESSES
+    ]
+    means = np.mean(stiffnesses, axis=0)
+    log_slope = np.interp(np.log(pressure), np.log(pressures), np.log(means))
+    return float(np.exp(log_slope))
 
 
 def require_in_law(pressure: float, pressures: Values) -> None:
-    """Refuse a pressure of a stick slope that is outside the pressures of a law.
+    """Refuse a value of the option --at-pressure that is outside the pressures of a law.
 
     Parameters
     ----------
     pressure : float
-        Value of the option --at-pressure [MPa].
+        The value [MPa].
     pressures : ndarray, shape (k,)
         Ascending pressures of the law, at least one [MPa].
 
     Raises
     ------
     InputError
-        If the pressure is below the first or above the last of them.
+        If the value is below the first or above the last pressure of the law.
     """
     if not pressures[0] <= pressure <= pressures[-1]:
         raise InputError(

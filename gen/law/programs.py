@@ -13,8 +13,7 @@ The three programs join the points of a table by straight lines:
 None of the three programs was run on these files.
 """
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,10 +22,16 @@ import numpy as np
 from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.cubics import short_name
-from gen.law.finite_elements import UNITS, comment, description, rising
+from gen.law.finite_elements import (
+    UNITS,
+    comment,
+    description,
+    name_in_capitals,
+    rising,
+    write_lines,
+)
 from gen.options import Units
 from gen.quantities import CLOSURE, IN_LAWS, PRESSURE
-from gen.runtime import files
 
 LONGEST_NAME = 32
 """Largest number of letters of the name of an array in APDL."""
@@ -34,7 +39,7 @@ LONGEST_NAME = 32
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A quantity of a law at its points, in the units of a file."""
+    """A quantity at the k + 1 points of a table, in the units of a file."""
 
     name: str  # short name, such as "conductance"
     unit: str  # unit in the file, such as "W/(m2 K)"
@@ -43,11 +48,16 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class ProgramTable:
-    """A law over the pressure from first touch on, in the units of a file."""
+    """First touch and the contacts of a law over pressure, in the units of a file."""
 
     pressure: Column
     closure: Column
-    others: tuple[Column, ...]
+    others: tuple[Column, ...]  # all further columns of the law
+
+    @property
+    def over_pressure(self) -> tuple[Column, ...]:
+        """The closure and all further columns, without the pressure."""
+        return (self.closure, *self.others)
 
 
 def write_for_moose(path: Path, law: Law, units: Units) -> list[Path]:
@@ -68,16 +78,18 @@ def write_for_moose(path: Path, law: Law, units: Units) -> list[Path]:
         The file.
     """
     table = program_table(law, units)
-    columns = [table.pressure, table.closure, *table.others]
-    lines = [*_head(law, units, table, "# ")]
+    columns = [table.pressure, *table.over_pressure]
+    lines = list(_head(law, units, table, "# "))
     lines += comment([_units_in_words(columns)], "# ")
     lines.append(",".join(column.name for column in columns))
     lines += [",".join(row) for row in _rows(columns)]
-    return _written(path, lines)
+    return write_lines(path, lines)
 
 
 def write_for_ansys(path: Path, law: Law, units: Units) -> list[Path]:
     """Write a law as tables of Ansys' APDL, one for each column.
+
+    The pressure is tabulated over the closure, and each other column over the pressure.
 
     Parameters
     ----------
@@ -94,12 +106,12 @@ def write_for_ansys(path: Path, law: Law, units: Units) -> list[Path]:
         The file.
     """
     table = program_table(law, units)
-    lines = [*_head(law, units, table, "! ")]
-    beginning = _beginning_of_names(path)
+    lines = list(_head(law, units, table, "! "))
+    beginning = name_in_capitals(path)
     lines += _apdl_table(beginning, table.closure, table.pressure, "GAP")
-    for column in (table.closure, *table.others):
+    for column in table.over_pressure:
         lines += _apdl_table(beginning, table.pressure, column, "PRESSURE")
-    return _written(path, lines)
+    return write_lines(path, lines)
 
 
 def write_for_comsol(path: Path, law: Law, units: Units) -> list[Path]:
@@ -123,24 +135,28 @@ def write_for_comsol(path: Path, law: Law, units: Units) -> list[Path]:
         Both files.
     """
     table = program_table(law, units)
-    over_pressure = [table.pressure, table.closure, *table.others]
-    over_closure = [table.closure, table.pressure]
-    written: list[Path] = []
-    for file, columns in (
-        (path, over_pressure),
-        (path.with_stem(f"{path.stem}-closure"), over_closure),
-    ):
-        lines = [*_head(law, units, table, "% ")]
-        functions = ", ".join(column.name for column in columns[1:])
-        about = f"Argument: {columns[0].name}. Functions, in this order: {functions}."
-        lines += comment([about, _units_in_words(columns)], "% ")
-        lines += [" ".join(row) for row in _rows(columns)]
-        written += _written(file, lines)
-    return written
+    head = list(_head(law, units, table, "% "))
+    over_pressure = _comsol_lines(table.pressure, table.over_pressure)
+    over_closure = _comsol_lines(table.closure, [table.pressure])
+    inverse_path = path.with_stem(f"{path.stem}-closure")
+    return [
+        *write_lines(path, [*head, *over_pressure]),
+        *write_lines(inverse_path, [*head, *over_closure]),
+    ]
+
+
+def _comsol_lines(argument: Column, functions: Sequence[Column]) -> Iterator[str]:
+    """Yield the lines of a COMSOL file below its head: two comments, then the rows of numbers."""
+    columns = [argument, *functions]
+    names = ", ".join(function.name for function in functions)
+    about = f"Argument: {argument.name}. Functions, in this order: {names}."
+    yield from comment([about, _units_in_words(columns)], "% ")
+    for row in _rows(columns):
+        yield " ".join(row)
 
 
 def program_table(law: Law, units: Units) -> ProgramTable:
-    """Return the points of a law from first touch on, with all columns that have a value there.
+    """Return first touch and the contacts of a law over pressure, with all of its columns.
 
     Parameters
     ----------
@@ -152,7 +168,8 @@ def program_table(law: Law, units: Units) -> ProgramTable:
     Returns
     -------
     ProgramTable
-        The points. Columns with a value that is not finite are left out.
+        The points at which the closure rises. Columns with a value that is not finite are left
+        out.
 
     Raises
     ------
@@ -189,10 +206,10 @@ def _column(name: str, values: Values, units: Units) -> Column:
 
 @dataclass(frozen=True)
 class Conversion:
-    """The unit of a quantity in a file, and the value of one unit of laws in it."""
+    """The unit of a quantity in a file, and the factor from its unit in laws to it."""
 
     unit: str
-    factor: float
+    factor: float  # value in the file over the value in the law
 
 
 @dataclass(frozen=True)
@@ -206,14 +223,15 @@ class UnitNames:
 
 
 UNIT_NAMES: dict[Units, UnitNames] = {
-    "mm": UnitNames("mm", "MPa", "N", "mW/(mm2 K)"),
-    "si": UnitNames("m", "Pa", "N", "W/(m2 K)"),
-    "um": UnitNames("um", "MPa", "uN", "pW/(um2 K)"),
+    "mm": UnitNames(length="mm", pressure="MPa", force="N", conductance="mW/(mm2 K)"),
+    "si": UnitNames(length="m", pressure="Pa", force="N", conductance="W/(m2 K)"),
+    "um": UnitNames(length="um", pressure="MPa", force="uN", conductance="pW/(um2 K)"),
 }
+"""Names of the units of `gen.law.finite_elements.UNITS`."""
 
 
 def conversions(units: Units) -> dict[str, Conversion]:
-    """Return the conversions from the units of laws to those of a file, by the former.
+    """Return the conversions from the units of laws to those of a file.
 
     Percentages become shares.
 
@@ -224,8 +242,8 @@ def conversions(units: Units) -> dict[str, Conversion]:
 
     Returns
     -------
-    dict
-        Conversions for all units of `gen.quantities.IN_LAWS`.
+    dict of str to Conversion
+        A conversion for each unit of the quantities of `gen.quantities.IN_LAWS`, by this unit.
     """
     system = UNITS[units]
     names = UNIT_NAMES[units]
@@ -251,45 +269,32 @@ def _head(law: Law, units: Units, table: ProgramTable, mark: str) -> Iterator[st
     yield from comment(description(law, "table", system, pressures, ""), mark)
 
 
-def _units_in_words(columns: list[Column]) -> str:
+def _units_in_words(columns: Sequence[Column]) -> str:
     """Return a sentence with the units of columns."""
     texts = [f"{column.name} [{column.unit}]" for column in columns]
     return f"Columns and their units: {', '.join(texts)}."
 
 
-def _rows(columns: list[Column]) -> Iterator[list[str]]:
-    """Yield the numbers of each row of a table as texts."""
+def _rows(columns: Sequence[Column]) -> Iterator[list[str]]:
+    """Yield the numbers of each point as texts, one for each column."""
     for row in zip(*(column.values.tolist() for column in columns), strict=True):
         yield [f"{number:.10g}" for number in row]
-
-
-def _beginning_of_names(path: Path) -> str:
-    """Return what the names of a file's tables in APDL begin with: letters, digits and "_"."""
-    stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()
-    if not stem[:1].isalpha():
-        return f"LAW_{stem}".rstrip("_")
-    return stem
 
 
 def _apdl_table(
     beginning: str, argument: Column, column: Column, variable: str
 ) -> Iterator[str]:
-    """Yield the lines of a table in APDL: its dimension, then a line for each number.
+    """Yield the lines of a table of APDL: its units, its dimension, then a line for each number.
 
+    The name of the table is `beginning`, shortened if necessary, and the name of the column.
     `variable` is the primary variable of the argument, PRESSURE or GAP.
     """
     ending = f"_{column.name.upper()}"
     name = beginning[: LONGEST_NAME - len(ending)] + ending
     rows = column.values.size
-    yield (f"! {column.name} [{column.unit}] over {argument.name} [{argument.unit}]")
+    yield f"! {column.name} [{column.unit}] over {argument.name} [{argument.unit}]"
     yield f"*DIM,{name},TABLE,{rows},1,1,{variable}"
     pairs = zip(argument.values.tolist(), column.values.tolist(), strict=True)
     for row, (at, value) in enumerate(pairs, start=1):
         yield f"{name}({row},0)={at:.10g}"
         yield f"{name}({row},1)={value:.10g}"
-
-
-def _written(path: Path, lines: list[str]) -> list[Path]:
-    """Write lines to a file, and return its path in a list."""
-    files.write(path, "\n".join(lines) + "\n")
-    return [path]
