@@ -331,18 +331,7 @@ class Pair(Body):
         return self.first.mean_compliance + self.second.mean_compliance
 
     def relative_compliance(self, wave_numbers: Field) -> Field | float:
-        """Compute the compliance over that of a half-space with this modulus E*.
-
-        Parameters
-        ----------
-        wave_numbers : ndarray
-            Wave numbers q, above 0 [1/um].
-
-        Returns
-        -------
-        ndarray or float
-            Ratio for each wave number [1].
-        """
+        """Add the bodies' compliances, as the ratio of `Body.relative_compliance` [1]."""
         first = self.first.relative_compliance(wave_numbers) / self.first.e_star
         second = self.second.relative_compliance(wave_numbers) / self.second.e_star
         return self.e_star * (first + second)

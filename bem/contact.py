@@ -17,8 +17,8 @@ from bem.derived.border import continuum_nodes
 from bem.derived.grid_error import GridError, grid_error_of
 from bem.derived.spots import Spots, spots_of
 from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patch
+from bem.operators.displacement import displacement_filter
 from bem.operators.filters import filtered
-from bem.operators.patch import displacement_filter
 from bem.problem import Problem
 from bem.threads import computed_once
 

@@ -1,4 +1,4 @@
-"""Influence coefficients: the displacement of one cell under unit pressure on another.
+"""Influence coefficients: the displacement of one cell under unit pressure or traction on another.
 
 Lengths are in units of the cell's first side, and E* = 1. One table therefore serves every scan
 length and every material: a caller multiplies by spacing / E*.
@@ -6,6 +6,7 @@ length and every material: a caller multiplies by spacing / E*.
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -106,6 +107,65 @@ def influence_coefficients(
     return table[: shape[0], : shape[1]]
 
 
+def shear_coefficients(
+    shape: tuple[int, int], aspect: float, poisson: float, axis: int
+) -> Field:
+    """Compute the displacement along an axis by unit traction along it, i and j cells away.
+
+    The cells are those of two half-spaces of like elastic constants, see
+    `bem.operators.displacement`.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    aspect : float
+        Second side of a cell over its first side [1].
+    poisson : float
+        Poisson's ratio nu of both bodies, above -1 and at most 0.5 [1].
+    axis : int
+        0 for traction and displacement along x, 1 for those along y.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Displacement at the cell's centre for the offsets i and j from 0, which those of either sign
+        have too [first side of a cell x traction / E*].
+    """
+    cerruti = _PointForce(excess=poisson / (1 - poisson), axis=axis)
+    return _uniform_load(shape, aspect, cerruti)
+
+
+@dataclass(frozen=True)
+class _PointForce:
+    """Displacement of a half-space by a point force at the distance r, with E* = 1.
+
+    It is (1 + excess x^2 / r^2) / (pi r), with x along an axis: that of a normal force without
+    excess (Boussinesq), and that along a tangential force with the excess nu / (1 - nu) (Cerruti).
+
+    Attributes
+    ----------
+    excess : float
+        Displacement along the axis over that across it, less 1 [1].
+    axis : int
+        0 for x, 1 for y; it makes no difference without excess.
+    """
+
+    excess: float = 0.0
+    axis: int = 0
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """Factors of the terms of a cell's closed form that belong to its sides along x and y [1].
+
+        The integral of 1 / r has two terms with factors 1. The excess belongs to the term of the
+        other axis.
+        """
+        if self.axis == 0:
+            return 1.0, 1 + self.excess
+        return 1 + self.excess, 1.0
+
+
 def _shared_side(nodes: int) -> int:
     """Return the smallest side of a shared table with room for `nodes` nodes along an axis.
 
@@ -126,33 +186,47 @@ def _kept_table(shape: tuple[int, int], body: Body, aspect: float) -> Field:
 
 def _table(shape: tuple[int, int], body: Body, aspect: float) -> Field:
     """Compute the coefficients of all offsets (i, j) with i, j >= 0 within a grid, read-only."""
-    rows, columns = np.ogrid[: shape[0], : shape[1]]
     if body.kernel == "uniform-pressure":
-        table = np.empty(shape)
-
-        def tabulate(_thread: int, band: slice) -> None:
-            table[band] = _uniform_pressure(rows[band], columns, aspect)
-
-        bands = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
-        share(tabulate, bands)
+        table = _uniform_load(shape, aspect, _PointForce())
         if not body.is_homogeneous:
             table += _below_surface(shape, body, aspect)
     else:
+        rows, columns = np.ogrid[: shape[0], : shape[1]]
         table = _concentrated_force(rows, columns, aspect)
     table.setflags(write=False)
     return table
 
 
-def _uniform_pressure(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
+def _uniform_load(shape: tuple[int, int], aspect: float, force: _PointForce) -> Field:
+    """Compute the coefficients of a uniform load on a cell for all offsets, (nx, ny), from 0.
+
+    Threads share the rows.
+    """
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    table = np.empty(shape)
+
+    def tabulate(_thread: int, band: slice) -> None:
+        table[band] = _uniform_load_at(rows[band], columns, aspect, force)
+
+    bands = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
+    share(tabulate, bands)
+    return table
+
+
+def _uniform_load_at(
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    aspect: float,
+    force: _PointForce,
 ) -> Field:
-    """Compute the (m, n) coefficients of uniform pressure for some offsets.
+    """Compute the (m, n) coefficients of a uniform load on a cell for some offsets.
 
     `rows`, (m, 1), are the offsets along the first axis and `columns`, (1, n), along the second
     [cells]. Near the loaded cell the closed form is used. Farther away its terms would cancel, so
     that quadrature is used.
     """
-    if aspect == 1.0:  # sorted offsets make the table symmetric to the last bit
+    if aspect == 1.0 and not force.excess:
+        # Sorted offsets make the table symmetric to the last bit.
         x = np.maximum(rows, columns) * 1.0
         y = np.minimum(rows, columns) * 1.0
     else:
@@ -161,41 +235,50 @@ def _uniform_pressure(
     table = np.empty(x.shape)
     nearest = QUADRATURE[0][0]
     near = distance < nearest
-    table[near] = _closed_form(x[near], y[near], aspect)
+    table[near] = _closed_form(x[near], y[near], aspect, force)
     stops = [start for start, _ in QUADRATURE[1:]] + [np.inf]
     for (start, points), stop in zip(QUADRATURE, stops, strict=True):
         zone = (distance >= start) & (distance < stop)
-        table[zone] = _quadrature(x[zone], y[zone], aspect, points)
+        table[zone] = _quadrature(x[zone], y[zone], aspect, force, points)
     return table
 
 
-def _closed_form(x: Values, y: Values, aspect: float) -> Values:
-    """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y) (Love 1929).
+def _closed_form(x: Values, y: Values, aspect: float, force: _PointForce) -> Values:
+    """Integrate the displacement by point forces over a cell of sides 1 and `aspect` at (x, y).
 
-    The integral is a sum over the cell's corners.
+    The integral is a sum over the cell's corners (Love 1929).
     """
+    of_along, of_across = force.factors
     total = np.zeros_like(x)
     for sign_x in (1, -1):
         for sign_y in (1, -1):
             along = x + sign_x * 0.5
             across = y + sign_y * 0.5 * aspect
-            corner = along * np.arcsinh(across / np.abs(along))
-            corner += across * np.arcsinh(along / np.abs(across))
+            corner = of_along * along * np.arcsinh(across / np.abs(along))
+            corner += of_across * across * np.arcsinh(along / np.abs(across))
             total += sign_x * sign_y * corner
     return total / np.pi
 
 
-def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
-    """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y).
+def _quadrature(
+    x: Values, y: Values, aspect: float, force: _PointForce, points: int
+) -> Values:
+    """Integrate the displacement by point forces over a cell of sides 1 and `aspect` at (x, y).
 
     The Gauss-Legendre rule has `points` points along each side.
     """
     nodes, weights = np.polynomial.legendre.leggauss(points)
     total = np.zeros_like(x)
     for node_x, weight_x in zip(nodes / 2, weights / 2, strict=True):
-        square = (x + node_x) ** 2
+        square_along = (x + node_x) ** 2
         for node_y, weight_y in zip(nodes / 2, weights / 2, strict=True):
-            total += (weight_x * weight_y) / np.sqrt(square + (y + aspect * node_y) ** 2)
+            square_across = (y + aspect * node_y) ** 2
+            square = square_along + square_across
+            strength: float | Values = weight_x * weight_y
+            if force.excess:
+                in_line = (square_along, square_across)[force.axis]
+                strength = strength * (1 + force.excess * in_line / square)
+            total += strength / np.sqrt(square)
     return total * (aspect / np.pi)
 
 

@@ -21,7 +21,7 @@ from scipy import optimize
 
 import bem
 from bem.operators import patch
-from bem.operators.patch import fast_period
+from bem.operators.displacement import fast_period
 from bench.files import Row
 from bench.report import Report, remark
 from gen.arrays import Heights

@@ -27,7 +27,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "bem/influence.py": (
         ("total += sign_x * sign_y * corner", "total += sign_x * corner"),
         ("return total * (aspect / np.pi)", "return total / np.pi"),
-        ("square = (x + node_x) ** 2", "square = (x + 0.5 * node_x) ** 2"),
+        ("square_along = (x + node_x) ** 2", "square_along = (x + 0.5 * node_x) ** 2"),
         (
             "table[0, 0] = aspect / (np.pi * radius)",
             "table[0, 0] = aspect / (2 * radius)",

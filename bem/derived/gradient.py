@@ -22,8 +22,8 @@ import numpy as np
 from bem.arrays import Field, Mask, Values
 from bem.checks import shown
 from bem.derived.stiffness import Punch, patch_stiffness, pressed_on, without_patch
+from bem.operators.displacement import displacement_filter
 from bem.operators.filters import filtered
-from bem.operators.patch import displacement_filter
 from bem.problem import Problem
 
 # Largest accepted departure of displacements in the adjoint solve, over the largest one [1].

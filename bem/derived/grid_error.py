@@ -53,17 +53,13 @@ class Weights:
     yielded : float
         Weight of the place of the border of yielded spots: part of the answer for
         `GridError.yielded_border` [1].
-    node : float
-        Weight of a single node: part of the answer over the number of nodes in contact, or of open
-        nodes for `OF_OPEN_NODES` [1].
     summit : float
-        Weight of what a higher summit changes [1].
+        Weight of the change of the answer by a higher summit [1].
     """
 
     difference: float
     border: float
     yielded: float
-    node: float
     summit: float
 
 
@@ -72,55 +68,31 @@ class Weights:
 # answer are inside. `python -m bench grid-error` tests them on other surfaces.
 WEIGHTS = {
     "edgeless": {
-        "area": Weights(
-            difference=0.65, border=0.0085, yielded=0.45, node=0.5, summit=1.5
-        ),
-        "delta": Weights(
-            difference=0.5, border=0.0005, yielded=0.15, node=0.0, summit=1.6
-        ),
-        "force": Weights(
-            difference=0.5, border=0.0015, yielded=0.4, node=0.0, summit=2.2
-        ),
-        "mean_gap": Weights(
-            difference=0.62, border=0.0006, yielded=0.2, node=0.8, summit=1.5
-        ),
-        "stiffness": Weights(
-            difference=0.75, border=0.028, yielded=0.45, node=4.0, summit=1.9
-        ),
+        "area": Weights(difference=0.65, border=0.0085, yielded=0.45, summit=1.5),
+        "delta": Weights(difference=0.5, border=0.0005, yielded=0.15, summit=1.6),
+        "force": Weights(difference=0.5, border=0.0015, yielded=0.4, summit=2.2),
+        "mean_gap": Weights(difference=0.62, border=0.0006, yielded=0.2, summit=1.5),
+        "stiffness": Weights(difference=0.75, border=0.028, yielded=0.45, summit=1.9),
     },
     "free": {
-        "area": Weights(
-            difference=1.4, border=0.0105, yielded=0.25, node=0.5, summit=1.5
-        ),
-        "delta": Weights(
-            difference=1.2, border=0.001, yielded=0.03, node=0.0, summit=1.6
-        ),
-        "force": Weights(
-            difference=1.2, border=0.0025, yielded=0.06, node=0.0, summit=2.2
-        ),
-        "mean_gap": Weights(
-            difference=1.5, border=0.0015, yielded=0.05, node=0.8, summit=1.6
-        ),
-        "stiffness": Weights(
-            difference=1.0, border=0.016, yielded=0.4, node=4.0, summit=1.9
-        ),
+        "area": Weights(difference=1.4, border=0.0105, yielded=0.25, summit=1.5),
+        "delta": Weights(difference=1.2, border=0.001, yielded=0.03, summit=1.6),
+        "force": Weights(difference=1.2, border=0.0025, yielded=0.06, summit=2.2),
+        "mean_gap": Weights(difference=1.5, border=0.0015, yielded=0.05, summit=1.6),
+        "stiffness": Weights(difference=1.0, border=0.016, yielded=0.4, summit=1.9),
     },
     "creased": {
-        "area": Weights(difference=1.8, border=0.03, yielded=0.2, node=0.5, summit=1.0),
-        "delta": Weights(
-            difference=1.7, border=0.0005, yielded=0.1, node=0.0, summit=0.8
-        ),
-        "force": Weights(
-            difference=1.25, border=0.005, yielded=0.4, node=0.0, summit=0.6
-        ),
-        "mean_gap": Weights(
-            difference=1.35, border=0.0055, yielded=0.1, node=0.8, summit=1.0
-        ),
-        "stiffness": Weights(
-            difference=0.85, border=0.022, yielded=0.4, node=4.0, summit=0.6
-        ),
+        "area": Weights(difference=1.8, border=0.03, yielded=0.2, summit=1.0),
+        "delta": Weights(difference=1.7, border=0.0005, yielded=0.1, summit=0.8),
+        "force": Weights(difference=1.25, border=0.005, yielded=0.4, summit=0.6),
+        "mean_gap": Weights(difference=1.35, border=0.0055, yielded=0.1, summit=1.0),
+        "stiffness": Weights(difference=0.85, border=0.022, yielded=0.4, summit=0.6),
     },
 }
+
+# Weight of a single node in the bars, by the answer: part of the answer over the number of nodes in
+# contact, or of open nodes for `OF_OPEN_NODES`. It is the same for all kinds of surface [1].
+OF_A_NODE = {"area": 0.5, "delta": 0.0, "force": 0.0, "mean_gap": 0.8, "stiffness": 4.0}
 
 # Ratio of the mean squares of second differences over two nodes and over one, in contact, below
 # which the surface touches at creases [1]. It is 16 on a smooth surface, 8 at creases, 11.7 where
@@ -358,7 +330,7 @@ class GridError:
             by_border *= size / few_nodes
         by_node = 0.0
         if self.border > 0:  # full contact and no contact have none
-            by_node = weights.node * abs(value) / few_nodes
+            by_node = OF_A_NODE[name] * abs(value) / few_nodes
         return math.hypot(
             weights.difference * max(1.0, self.remaining) * difference,
             max(weights.border * self.border * by_border, at_least),

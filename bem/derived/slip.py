@@ -22,8 +22,8 @@ from bem.arrays import Mask, Values
 from bem.bodies import HALF_SPACE
 from bem.checks import LARGEST, Range, real_array, real_number, shown
 from bem.far_field import flat_punch
+from bem.operators.displacement import shear_filter
 from bem.operators.filters import filtered
-from bem.operators.shear import shear_filter
 from bem.problem import Boundary, Problem, boxed, checked
 
 if TYPE_CHECKING:

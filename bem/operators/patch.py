@@ -1,11 +1,10 @@
 """The influence matrix H of all nodes of a grid, and an approximate inverse on any set of them.
 
-Lengths are in units of the cell's first side, and E* = 1. The nodes of a free patch displace one
-another by `bem.influence.influence_coefficients`. A patch without edges repeats itself or its
-mirror images without end. A wave of pressure displaces it by the compliance of the body
-(`bem.bodies.Body`), and the mean pressure by the mean compliance. This is 0 for half-spaces: the
-effect of the mean on the far field depends on what is behind, so that displacements count from the
-mean of the deformed surface.
+Lengths are in units of the cell's first side, and E* = 1. The matrix itself is that of
+`bem.operators.displacement`. A patch without edges repeats itself or its mirror images without end,
+and its mean pressure displaces it by the mean compliance. This is 0 for half-spaces: the effect of
+the mean on the far field depends on the structure behind, so that displacements are measured from
+the mean of the deformed surface.
 
 The approximate inverse on a set A of nodes replaces H by a matrix C that is near H on the whole
 grid and easily inverted. The quadratic form of the inverse of C_AA is the minimum of v^T C^-1 v
@@ -27,16 +26,16 @@ from scipy import fft
 from bem.arrays import Field, Mask, Nodes, Real
 from bem.bodies import Body
 from bem.influence import InfluenceMatrix, influence_coefficients
-from bem.operators.filters import (
-    LARGE,
-    CosineFilter,
-    FieldFilter,
-    filtered,
-    kept,
-    spectral_filter,
+from bem.operators.displacement import (
+    compliances,
+    displacement_filter,
+    edgeless_filter,
+    even_spectrum,
+    pressure_filter,
+    stiffnesses,
 )
+from bem.operators.filters import LARGE, FieldFilter, filtered, kept, spectral_filter
 from bem.problem import Boundary
-from bem.threads import threads_here
 
 # `BLOCK`, `DECAY`, `OWN_BLOCK` and `VACANT` were chosen by the number of iterations of conjugate
 # gradients on the paper's surfaces of 129 to 513 nodes a side, at 1, 10 and 50 % contact.
@@ -430,11 +429,8 @@ class Patch:
         ndarray, shape (nx, ny)
             Pressure, a new array [E*].
         """
-        inverse = True
-        stiffness = edgeless_filter(
-            self.shape, self.boundary, self._body, self._aspect, "float64", inverse
-        )
-        pressure: Field = filtered(stiffness, displacement).copy()
+        inverse = pressure_filter(self.shape, self.boundary, self._body, self._aspect)
+        pressure: Field = filtered(inverse, displacement).copy()
         if self.mean_compliance > 0:
             pressure -= pressure.mean()
         return pressure
@@ -513,167 +509,6 @@ class Patch:
         return matrix.T
 
 
-def fast_period(nodes: int) -> int:
-    """Return the smallest period of an even kernel that is exact for a grid and fast to transform.
-
-    Because the kernel is even, 2 nodes - 2 is long enough: a power of two for 2^k + 1 nodes.
-
-    Parameters
-    ----------
-    nodes : int
-        Nodes of the grid along an axis.
-
-    Returns
-    -------
-    int
-        Even period with small prime factors [nodes].
-    """
-    return 2 * int(fft.next_fast_len(max(nodes - 1, 1), real=True))
-
-
-def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
-    """Return the wave numbers |q| of the waves on a patch without edges.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes (nx, ny) of the patch.
-    boundary : str
-        "periodic" or "mirror".
-    aspect : float
-        Second side of a cell over its first [1].
-
-    Returns
-    -------
-    ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
-        Wave numbers, in the order of a real Fourier transform of a periodic patch or of a cosine
-        transform of a mirrored one [1 / first side of a cell].
-    """
-    if boundary == "periodic":
-        along = fft.fftfreq(shape[0])
-        across = fft.rfftfreq(shape[1])
-    else:
-        along, across = (np.arange(cells) / (2 * cells) for cells in shape)
-    length: Field = 2 * math.pi * np.hypot(along[:, np.newaxis], across / aspect)
-    return length
-
-
-@kept
-def displacement_filter(
-    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float, dtype: str
-) -> FieldFilter:
-    """Return H as a filter of fields.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes (nx, ny) of the patch.
-    boundary : str
-        "free", "periodic" or "mirror".
-    body : Body
-        Reduced body, see `bem.bodies.Body.reduced`.
-    aspect : float
-        Second side of a cell over its first [1].
-    dtype : str
-        Precision, "float64" or "float32".
-
-    Returns
-    -------
-    FieldFilter
-        Filter from pressure [E*] to displacement [first side of a cell]. It is shared by later
-        calls on this thread, with its buffer.
-    """
-    if boundary != "free":
-        inverse = False
-        return edgeless_filter(shape, boundary, body, aspect, dtype, inverse)
-    if dtype == "float32":
-        # Large filters of both precisions share memory.
-        exact: Any = displacement_filter(shape, "free", body, aspect, "float64")
-        rough: FieldFilter = exact.in_single_precision()
-        return rough
-    periods = fast_period(shape[0]), fast_period(shape[1])
-    # Offsets beyond the grid never connect two nodes, so that any value will do there.
-    along, across = (
-        np.minimum(np.arange(period // 2 + 1), nodes - 1)
-        for nodes, period in zip(shape, periods, strict=True)
-    )
-    table = influence_coefficients(shape, body, aspect)[along[:, np.newaxis], across]
-    return spectral_filter(shape, even_spectrum(table), dtype, periods)
-
-
-def even_spectrum(quarter: Field) -> Field:
-    """Transform a table that is even along both axes.
-
-    `quarter` has the table's entries from 0 to half of a period along both axes. It is overwritten.
-    The result has its shape.
-    """
-    spectrum: Field = fft.dctn(quarter, type=1, overwrite_x=True, workers=threads_here())
-    return spectrum
-
-
-@kept
-def edgeless_filter(
-    shape: tuple[int, int],
-    boundary: Boundary,
-    body: Body,
-    aspect: float,
-    dtype: str,
-    inverse: bool,
-) -> FieldFilter:
-    """Return H of a patch without edges, or its inverse on fields of zero mean, as a filter.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes (nx, ny) of the patch.
-    boundary : str
-        "periodic" or "mirror".
-    body : Body
-        Reduced body, see `bem.bodies.Body.reduced`.
-    aspect : float
-        Second side of a cell over its first [1].
-    dtype : str
-        Precision, "float64" or "float32".
-    inverse : bool
-        Whether to return the inverse. It multiplies each wave by the body's stiffness, while H
-        multiplies it by the compliance. Both make the mean 0 if the mean compliance is 0.
-
-    Returns
-    -------
-    FieldFilter
-        The filter, shared by later calls on this thread.
-    """
-    if inverse:
-        spectrum = _stiffnesses(shape, boundary, body, aspect)
-    else:
-        spectrum = _compliances(shape, boundary, body, aspect)
-    return _even_filter(shape, boundary, spectrum, dtype)
-
-
-def _compliances(
-    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
-) -> Field:
-    """Return the compliances of all waves and of the mean, in the order of `wave_numbers`."""
-    numbers = wave_numbers(shape, boundary, aspect)
-    numbers[0, 0] = 1  # any number above 0: the entry is replaced below
-    compliances = body.compliance(numbers)
-    compliances[0, 0] = body.mean_compliance
-    return compliances
-
-
-def _stiffnesses(
-    shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
-) -> Field:
-    """Return the inverse of `_compliances`, and 0 where a compliance is 0."""
-    numbers = wave_numbers(shape, boundary, aspect)
-    numbers[0, 0] = 1  # any number above 0: the entry is replaced below
-    stiffnesses = body.stiffness(numbers)
-    stiffnesses[0, 0] = 0
-    if body.mean_compliance > 0:
-        stiffnesses[0, 0] = 1 / body.mean_compliance
-    return stiffnesses
-
-
 def _penalty(
     shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
 ) -> float:
@@ -681,8 +516,8 @@ def _penalty(
 
     On a single node, which has no waves, return 1.
     """
-    compliances = _compliances(shape, boundary, body, aspect)
-    of_waves = compliances[compliances > 0]
+    spectrum = compliances(shape, boundary, body, aspect)
+    of_waves = spectrum[spectrum > 0]
     if not of_waves.size:
         return 1.0
     return PENALTY * math.sqrt(of_waves.min() * of_waves.max())
@@ -693,22 +528,9 @@ def _splitting_filter(
     shape: tuple[int, int], boundary: Boundary, body: Body, aspect: float
 ) -> FieldFilter:
     """Return the filter (H + c)^-1 of `Patch.splitting`."""
-    compliances = _compliances(shape, boundary, body, aspect)
-    penalised = compliances + _penalty(shape, boundary, body, aspect)
-    return _even_filter(shape, boundary, 1 / penalised, "float64")
-
-
-def _even_filter(
-    shape: tuple[int, int], boundary: Boundary, spectrum: Field, dtype: str
-) -> FieldFilter:
-    """Return the filter of a patch without edges by an even spectrum.
-
-    `spectrum` has the shape and order of `wave_numbers`.
-    """
-    if boundary == "mirror":
-        return CosineFilter(spectrum, dtype)
-    up_to_half_period = spectrum[: shape[0] // 2 + 1]
-    return spectral_filter(shape, up_to_half_period, dtype, periods=shape)
+    penalised = compliances(shape, boundary, body, aspect)
+    penalised += _penalty(shape, boundary, body, aspect)
+    return edgeless_filter(shape, boundary, 1 / penalised, "float64")
 
 
 @kept
@@ -724,10 +546,9 @@ def _inverse_filter(
     rows = _whole_blocks(shape[0])
     columns = _whole_blocks(shape[1])
     if boundary != "free":
-        inverse = True
-        return edgeless_filter(
-            (rows, columns), boundary, body, aspect, "float32", inverse
-        )
+        whole = rows, columns
+        spectrum = stiffnesses(whole, boundary, body, aspect)
+        return edgeless_filter(whole, boundary, spectrum, "float32")
     periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, body, aspect)
     for period in periods:
@@ -764,7 +585,7 @@ def _means_filter(
     spectrum = _block_means((rows, columns), aspect, decay)
     if boundary == "mirror":  # one period holds the patch and its images
         spectrum = _block_means((2 * rows, 2 * columns), aspect, decay)[:rows, :columns]
-    return _even_filter((rows, columns), boundary, spectrum, "float32")
+    return edgeless_filter((rows, columns), boundary, spectrum, "float32")
 
 
 def _is_hardest_above(body: Body) -> bool:
@@ -838,8 +659,8 @@ def _edgeless_coefficients(
     The table is flat and read-only. It has two periods along each axis, so that offsets of either
     sign can be looked up. Its sum is the mean compliance [first side of a cell / E*].
     """
-    compliances = _compliances(periods, "periodic", body, aspect)
-    table = fft.irfft2(compliances, s=periods).astype(dtype)
+    spectrum = compliances(periods, "periodic", body, aspect)
+    table = fft.irfft2(spectrum, s=periods).astype(dtype)
     twice = np.tile(table, (2, 2)).reshape(-1)
     twice.setflags(write=False)
     return twice

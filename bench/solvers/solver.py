@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import bem
 from bem.bodies import KERNELS, REDUCED, Kernel
+from bem.operators.displacement import displacement_filter
 from bem.operators.filters import filtered
-from bem.operators.patch import displacement_filter
 from bem.problem import Boundary, node_spacing
 from bench.references import dense, half_space
 from bench.references.half_space import Field

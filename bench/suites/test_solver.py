@@ -25,8 +25,9 @@ from bem.bodies import HALF_SPACE, KERNELS, REDUCED, Kernel
 from bem.derived.flow import flows_through
 from bem.derived.stiffness import punch_of
 from bem.operators import patch
+from bem.operators.displacement import displacement_filter
 from bem.operators.filters import filtered
-from bem.operators.patch import Patch, displacement_filter
+from bem.operators.patch import Patch
 from bem.problem import BOUNDARIES, RTOL, Boundary
 from bench.references import half_space as references
 from bench.resolution import random_waves

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 import bem
 from bem.bodies import KERNELS
-from bem.operators.patch import fast_period
+from bem.operators.displacement import fast_period
 from bem.problem import FAR_FIELDS
 from bench.references import dense
 from bench.references.half_space import flat_punch

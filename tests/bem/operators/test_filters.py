@@ -8,6 +8,7 @@ import pytest
 
 from bem.bodies import HALF_SPACE
 from bem.operators import filters
+from bem.operators.displacement import displacement_filter, fast_period
 from bem.operators.filters import (
     CosineFilter,
     Filter,
@@ -15,7 +16,6 @@ from bem.operators.filters import (
     filtered,
     spectral_filter,
 )
-from bem.operators.patch import displacement_filter, fast_period
 from bem.threads import on_threads
 
 SHAPES = [(64, 40), (100, 30), (129, 64), (40, 90), (33, 33), (1, 17), (31, 1)]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from bem.bodies import HALF_SPACE, KERNELS, REDUCED
-from bem.operators.patch import Patch, fast_period
+from bem.operators.displacement import fast_period
+from bem.operators.patch import Patch
 from bem.problem import BOUNDARIES, Boundary
 from bench.references import dense
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from bem.bodies import HALF_SPACE
+from bem.operators.displacement import displacement_filter, shear_filter
 from bem.operators.filters import filtered
-from bem.operators.patch import displacement_filter
-from bem.operators.shear import shear_filter
 
 NU = 0.3
 
