@@ -1,7 +1,7 @@
 """The trial that finds the nodes and the tolerance of a scene that asks for an error.
 
-It is made once, before the first row. What it finds stands in the scene that the database records,
-so that resumed runs, further parts and other machines take it from there.
+It is made once, before the first row. The grid and the tolerance stand in the scene that the
+database records, so that resumed runs, further parts and other machines take them from there.
 
 The trial solves contacts at the ends of the drawn ranges (of parameters, loads and hardnesses, in
 all combinations or a selection of them), and at some draws between. Each contact has a surface of
@@ -63,8 +63,10 @@ ENDS = (0.025, 0.975)
 """Ends of the drawn ranges, as probabilities: 95 % of all values are between them."""
 
 MOST_ENDS = 5
-"""Largest number of drawn quantities all of whose combinations of ends are tried; of more, some
-combinations are drawn."""
+"""Largest number of drawn quantities of which all combinations of ends are tried.
+
+If more quantities are drawn, `COMBINATIONS` random combinations are tried.
+"""
 
 COMBINATIONS = 2**MOST_ENDS
 """Largest number of combinations of ends that are tried."""
@@ -76,8 +78,11 @@ MOST_BEYOND = 0.05
 """Largest share of the contacts of a trial that may be beyond an error that is asked for."""
 
 BEST_ORDER = 3.0
-"""Largest order by which bars may fall with the spacing. Grids on which errors would still be too
-large at this order are skipped, but none with `FURTHEST` times the nodes a side of the last one."""
+"""Largest power of the spacing with which bars may fall.
+
+Grids on which errors would still be too large at this power are skipped, unless they have
+`FURTHEST` times the nodes a side of the grid before.
+"""
 
 ENDLESS = "waves go on down to this grid, so that no bar holds"
 """Reason why an elastic contact on a surface without a shortest wave has no error."""
@@ -91,7 +96,7 @@ class _JudgedContact:
     """A contact of a trial with the errors of its answers."""
 
     errors: dict[str, ErrorParts]  # by the keys of [accuracy]; empty without a bar
-    reason: str  # reason why its errors are as small or as large as they are
+    reason: str  # why there are no errors, or the reason that the bars give for theirs
     row: int  # position of the contact in the plan of the trial
 
     @property
@@ -119,7 +124,7 @@ class _JudgedContact:
 
 @dataclass(frozen=True)
 class _JudgedGrid:
-    """A grid of a trial with its contacts that have a solution, as far as they were tried."""
+    """A grid of a trial, and the contacts that were tried on it and have a solution."""
 
     nodes: tuple[int, int]
     contacts: list[_JudgedContact]
@@ -138,7 +143,10 @@ class _JudgedGrid:
 
     @property
     def ratio(self) -> float:
-        """Ratio by which the errors of a grid that does not hold have to fall at least [1]."""
+        """Smallest factor by which errors must fall before a finer grid may hold [1].
+
+        It is infinite if no contact is beyond an error.
+        """
         return self.beyond[0].ratio if self.beyond else math.inf
 
     @property
@@ -149,7 +157,10 @@ class _JudgedGrid:
         )
 
     def errors(self) -> dict[str, ErrorRecord]:
-        """Return the largest error of each answer, by its key, among contacts not beyond any."""
+        """Return the largest error of each answer by its key, for a grid that holds.
+
+        Contacts that are beyond an error are left out.
+        """
         within = [contact.errors for contact in self.contacts if not contact.is_beyond]
         return {
             key: _record_of(max((errors[key] for errors in within), key=_total))
@@ -182,8 +193,8 @@ def with_accuracy(
 ) -> Scene:
     """Find the nodes and the tolerance with which rows have the errors that a scene asks for.
 
-    Nothing is written. The result depends on the scene alone, apart from its number of samples and
-    its seed.
+    No file is written. The result depends on the scene without its number of samples and its seed.
+    With a `limit` it may depend on the speed of the machine too.
 
     Parameters
     ----------
@@ -233,8 +244,8 @@ class _Trial:
         self.asked = scene.accuracy.asked
         tolerance = _rounded(tolerance_for(self.asked))
         contact = scene.contact.model_copy(update={"rtol": tolerance})
-        # The scene of the database, and that of the contacts of the trial.
-        self.scene = scene.model_copy(update={"contact": contact})
+        self.scene = scene.model_copy(update={"contact": contact})  # of the database
+        # Contacts of the trial are those of a scene with another seed.
         self.tried_scene = self.scene.model_copy(
             update={"seed": SEED, "samples_per_surface": 1}
         )
@@ -242,7 +253,7 @@ class _Trial:
         self.watched = watched
         self.plan = planned_contacts(self.tried_scene)
         self.judged: list[_JudgedGrid] = []
-        self.nodes = self.scene.made_grid.shape  # of the grid that is tried
+        self.nodes = self.scene.made_grid.shape  # of the grid that is being tried
 
     def solve(self) -> Scene:
         """Return the scene with the coarsest grid that holds; InputError if there is none."""
@@ -250,13 +261,13 @@ class _Trial:
             self.nodes = nodes
             if not self._may_hold(nodes):
                 continue
-            candidate = _on_nodes(self.tried_scene, self._found(nodes))
+            candidate = _on_nodes(self.tried_scene, self._found_grid(nodes))
             if candidate.surface.fault_on(candidate.made_grid):
                 continue  # it is too coarse for the shortest waves
             grid = self._judge(candidate)
             self.judged.append(grid)
             if grid.holds:
-                return _on_nodes(self.scene, self._found(nodes, grid.errors()))
+                return _on_nodes(self.scene, self._found_grid(nodes, grid.errors()))
         raise InputError(self._message())
 
     def _grids(self) -> list[tuple[int, int]]:
@@ -266,13 +277,15 @@ class _Trial:
         ladder = list(grids(finest))
         if not self.scene.surface.ON_ANY_GRID or self.scene.has_cells:
             return ladder
-        # Of an odd number every second node lies on both borders too, see `GridError`.
+        # Bars compare the grid with every second of its nodes. These reach from border to border
+        # if the number of nodes is odd.
         return [*((nx + 1, ny + 1) for nx, ny in ladder[:-1]), finest]
 
     def _may_hold(self, nodes: tuple[int, int]) -> bool:
         """Return whether a grid may hold, judging by the grid that was tried last.
 
-        A bar falls at most with the power `BEST_ORDER` of the spacing.
+        Bars fall at most with the power `BEST_ORDER` of the spacing. The finest grid is
+        always tried.
         """
         if not self.judged or nodes == self.scene.made_grid.shape:
             return True
@@ -331,12 +344,13 @@ class _Trial:
         load = float(self.plan.load[row])
         if load == 0.0:  # nothing touches, which is exact on any grid
             errors = {
-                key: ErrorParts(asked, 0, 0, 0) for key, asked in self.asked.items()
+                key: ErrorParts(asked_error=asked, grid=0, waves=0, solver=0)
+                for key, asked in self.asked.items()
             }
             return _JudgedContact(errors, "nothing touches", row)
         made = made_surface_of(candidate, self.plan, row)
         surface = on_grid_of_contacts(candidate, made)
-        # Waves that this grid drops alone use up too much of the error.
+        # The waves that this grid drops use up too much of the error by themselves.
         if OF_DROPPED * surface.dropped > MOST_FOR_WAVES * min(self.asked.values()):
             return _JudgedContact({}, CUT, row)
         hardness = self.plan.hardness_of(row)
@@ -362,15 +376,15 @@ class _Trial:
         }
         return _JudgedContact(errors, bars.reason, row)
 
-    def _found(
+    def _found_grid(
         self, nodes: tuple[int, int], errors: dict[str, ErrorRecord] | None = None
     ) -> FoundGrid:
-        """Return what the scene records of a grid: its nodes, its errors and the trial."""
+        """Return a grid as the scene records it: its nodes, its errors and all tried grids."""
         tried = tuple(grid.record for grid in self.judged)
         return FoundGrid(nodes=nodes, errors=errors or {}, tried=tried)
 
     def _message(self) -> str:
-        """Say which errors are not reached, how near the finest grid comes, and why."""
+        """Say that no grid gives the errors, how near the finest one comes, and why."""
         asked = ", ".join(f"{key} = {error:g}" for key, error in self.asked.items())
         nx, ny = self.scene.made_grid.shape
         place = f"on {nx} x {ny} nodes, the finest grid"
@@ -402,7 +416,7 @@ def _on_nodes(scene: Scene, found: FoundGrid) -> Scene:
 
 
 def planned_contacts(scene: Scene) -> Plan:
-    """Plan the contacts of a trial: at the ends of the drawn ranges, and at draws between.
+    """Plan the contacts of a trial: at the ends of the drawn ranges, and at some drawn values.
 
     Parameters
     ----------
@@ -429,7 +443,7 @@ def planned_contacts(scene: Scene) -> Plan:
 
 
 def _ends_and_draws(quantities: Sequence[Values]) -> list[Values]:
-    """Return the values of the contacts of a trial: combinations of ends, then some draws.
+    """Return the values of the contacts of a trial: combinations of ends, then `DRAWS` rows.
 
     `quantities` are the planned values of each quantity, (rows,). Each is replaced by an array of
     shape (contacts,).
@@ -437,13 +451,14 @@ def _ends_and_draws(quantities: Sequence[Values]) -> list[Values]:
     ends = [np.quantile(values, ENDS, method="nearest") for values in quantities]
     varied = [place for place, (low, high) in enumerate(ends) if low < high]
     if len(varied) <= MOST_ENDS:
-        chosen = np.array(list(itertools.product((0, 1), repeat=len(varied))))
+        choices = np.array(list(itertools.product((0, 1), repeat=len(varied))))
     else:
         random = np.random.default_rng(SEED)
-        chosen = random.integers(0, 2, (COMBINATIONS, len(varied)))
-    end = np.zeros((len(chosen), len(quantities)), dtype=np.intp)
-    end[:, varied] = chosen
+        choices = random.integers(0, 2, (COMBINATIONS, len(varied)))
+    # 0 for the lower end of a quantity and 1 for the upper one, (combinations, quantities)
+    chosen_ends = np.zeros((len(choices), len(quantities)), dtype=np.intp)
+    chosen_ends[:, varied] = choices
     return [
-        np.concatenate([ends[place][end[:, place]], values[:DRAWS]])
+        np.concatenate([ends[place][chosen_ends[:, place]], values[:DRAWS]])
         for place, values in enumerate(quantities)
     ]

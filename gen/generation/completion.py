@@ -60,7 +60,9 @@ class SampleProblem:
     heights: Heights  # heights of its surface [um], shape (nx, ny)
     load: float  # load in the scene's quantity, which need not be the planned one
     hardness: float | None  # hardness of the softer body [MPa]; None for elastic bodies
-    layer: Mapping[str, float]  # drawn numbers of the layer, from `Plan.layer_of`
+    layer: Mapping[
+        str, float
+    ]  # drawn numbers of the layer, as `Plan.layer_of` returns them
 
     def solve(self, doubled: Powers = PURE) -> bem.Contact:
         """Solve the contact, with heights, lengths or E* at twice their size.
@@ -103,7 +105,7 @@ class SampleProblem:
 
 
 def _enlarged(body: bem.Layered, doubled: Powers) -> bem.Layered:
-    """Return a layered body with lengths or all moduli at twice their size."""
+    """Return a layered body with its thickness or all its moduli at twice their size."""
     stiffer = 2.0**doubled.modulus
     base = body.base
     if isinstance(base, bem.HalfSpace):
@@ -216,7 +218,7 @@ def completed(
         outputs are measured and added to the scene.
     limit : float, optional
         Largest time of a trial: making surfaces, solving contacts and calling the function [s].
-        Of the trial for an accuracy it is the largest time of each contact.
+        In the trial for an accuracy it is the largest time of each contact.
     recorded : Scene, optional
         The scene of the database if there is one already. The grid for an accuracy is taken from
         there, and no trial is made.
@@ -267,8 +269,9 @@ def completed(
 def _with_accuracy(scene: Scene, limit: float | None, *, watched: bool) -> Scene:
     """Return a scene with the grid and the tolerance that a trial finds for its accuracy.
 
-    Maps are prepared in a temporary folder, because nothing is written into that of the database
-    before there is such a grid. Raises the errors of `gen.generation.accuracy.with_accuracy`.
+    Maps are prepared in a temporary folder, because nothing may be written into the folder of the
+    database unless such a grid is found. Raises the errors of
+    `gen.generation.accuracy.with_accuracy`.
     """
     with TemporaryDirectory() as folder:
         resolved = scene.resolved(Path(folder))

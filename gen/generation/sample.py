@@ -293,8 +293,12 @@ def made_surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
 
     Parameters
     ----------
-    scene, plan, row
-        See `surface_of`.
+    scene : Scene
+        A completed scene, whose surfaces are ready (`make_ready`).
+    plan : Plan
+        Parameters of some of its rows.
+    row : int
+        Position of the row in the plan; 0 is its first row.
 
     Returns
     -------
@@ -303,8 +307,10 @@ def made_surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
 
     Raises
     ------
-    InputError, SourceError
-        As `surface_of` raises them.
+    InputError
+        If the surface cannot be made in double precision.
+    SourceError
+        If a map is missing, or the user's generator fails. It is a kind of InputError.
     """
     number = int(plan.surface[row])  # index of the surface
     drawn = plan.parameters_of(row)
@@ -347,15 +353,15 @@ def on_grid_of_contacts(scene: Scene, heights: Heights) -> CoarserMap:
     -------
     CoarserMap
         Heights above the lowest node, shape of `Scene.grid` [um], and the share of the mean square
-        slope that this grid lacks. If the grid is the same, the heights are the given ones.
+        slope that this grid lacks. If both grids are the same, `heights` is returned as it is.
     """
     shape = scene.grid.shape
     if heights.shape == shape:
         return CoarserMap(heights, 0.0)
     spacing_x, spacing_y = scene.made_grid.spacing
-    made = Coarsening(heights, scene.contact.boundary, spacing_y / spacing_x)
-    fewer = made.on(shape)
-    return CoarserMap(fewer.heights - fewer.heights.min(), fewer.dropped)
+    coarsening = Coarsening(heights, scene.contact.boundary, spacing_y / spacing_x)
+    coarser = coarsening.on(shape)
+    return CoarserMap(coarser.heights - coarser.heights.min(), coarser.dropped)
 
 
 def surface_numbered(scene: Scene, number: int) -> Heights:
@@ -446,7 +452,8 @@ def settings_of(
         Hardness of the softer body [MPa]. If it is None, the hardness is that of the scene, or the
         bodies are elastic if the scene has none.
     layer : mapping of str to float, optional
-        Drawn numbers of the layer by the names of their columns; none by default.
+        Drawn numbers of the layer, as `Plan.layer_of` returns them. They are required if the scene
+        draws them for each sample.
 
     Returns
     -------
@@ -456,7 +463,7 @@ def settings_of(
     Raises
     ------
     ValueError
-        If `hardness` or `layer` is None, but the scene draws them for each sample.
+        If `hardness` or `layer` is None, but the scene draws it for each sample.
     """
     contact = scene.contact
     if hardness is None and contact.hardness_limits is not None:

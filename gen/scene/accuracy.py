@@ -15,11 +15,16 @@ from gen.quantities import CONTINUUM, stored_quantities
 from gen.surface import MOST_NODES
 
 AREA = "continuum_area"
-"""Key of `[accuracy]` for the area in the continuum, which `bem.accuracy` calls "area". All other
-keys have the names of answers there, and of columns."""
+"""Key of `[accuracy]` for the area in the continuum, which `bem.accuracy` calls "area".
+
+All other keys are names of answers there, and names of columns.
+"""
 
 FINEST_NODES = 2048
 """Nodes along the longer side of the finest grid that is tried, if the scene gives none."""
+
+LONGEST_SIDE = 1e300
+"""Length of a side whose product with `FINEST_NODES` is not yet infinite [um]."""
 
 SHARE = "a share above 0 and below 1: 0.01 is one per cent"
 
@@ -54,7 +59,7 @@ class TriedGrid(Table):
 
 
 class FoundGrid(Table):
-    """What a trial has found: the grid of the rows, and the errors on it."""
+    """The grid that a trial has found for the rows, and the errors on it."""
 
     nodes: Pair = Field(description="nodes along x and y, which a run finds")
     errors: dict[str, ErrorRecord] = Field(
@@ -159,11 +164,11 @@ def completed_for_accuracy(content: dict[str, Any]) -> dict[str, Any]:
 
 def _asked_columns(accuracy: Iterable[str]) -> list[str]:
     """Return the columns of keys of `[accuracy]`, apart from those that every database has."""
-    names = {key: CONTINUUM.name if key == AREA else key for key in accuracy}
+    columns = {CONTINUUM.name if key == AREA else key for key in accuracy}
     return [
         quantity.name
         for quantity in stored_quantities()
-        if quantity.stored == "asked" and quantity.name in names.values()
+        if quantity.stored == "asked" and quantity.name in columns
     ]
 
 
@@ -186,12 +191,14 @@ def answer_of(key: str) -> str:
 def _finest_nodes(surface: dict[str, Any]) -> int | tuple[int, int]:
     """Return the nodes of the finest grid of a table [surface] that gives none.
 
-    The cells are square if the table gives the sides of an oblong patch.
+    The cells of a patch with two sides are nearly square: its shorter side has fewer nodes.
     """
     sides = surface.get("side")
     if not isinstance(sides, list | tuple) or len(sides) != 2:
         return FINEST_NODES
-    if not all(isinstance(side, int | float) and 0 < side < 1e300 for side in sides):
-        return FINEST_NODES  # pydantic refuses these sides
+    if not all(
+        isinstance(side, int | float) and 0 < side < LONGEST_SIDE for side in sides
+    ):
+        return FINEST_NODES  # pydantic refuses sides that are no lengths
     nodes = [max(2, round(FINEST_NODES * side / max(sides))) for side in sides]
     return nodes[0], nodes[1]

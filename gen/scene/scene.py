@@ -30,7 +30,7 @@ from gen.schema import LAYER_MODULUS
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
 
 THINNEST = 0.2
-"""Least thickness of a layer on a free patch, over the spacing of the nodes [1]."""
+"""Least thickness of a layer on a free patch, over the larger spacing of the nodes [1]."""
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row of its database."""
@@ -82,10 +82,10 @@ class Scene(Table):
     def _complete(cls, content: Any) -> Any:
         """Fill in the defaults of a scene that depend on its other keys, which pydantic cannot.
 
-        They are the generator of a table `[surface]` that names none, the boundary of windows, and
-        the spacing of patches without edges. A scene without loads gets the table `[delta]`, unless
-        its surfaces follow maps: the user has to give its loads then. With a table `[accuracy]`
-        they are also the columns that it asks for, and the finest grid.
+        They are the generator of a table `[surface]` that names none, the boundary of surfaces that
+        follow maps, and the spacing of patches without edges. A scene without loads gets the table
+        `[delta]`, unless its surfaces follow maps: then the user has to give its loads. A table
+        `[accuracy]` stores the columns whose errors it asks for, and gives a finest grid.
         """
         # a Scene, or content that pydantic will refuse
         if not isinstance(content, dict):
@@ -117,7 +117,7 @@ class Scene(Table):
                 " 'compliant'"
             )
         self._require_one_modulus_for_relative_loads()
-        self._require_surfaces_with_an_accuracy()
+        self._require_what_goes_with_an_accuracy()
         if not self.surface.is_complete:
             # The grid is known when a run has found the files. Then the scene is checked again.
             return self
@@ -153,8 +153,8 @@ class Scene(Table):
                 " drawn: give 'pressure'"
             )
 
-    def _require_surfaces_with_an_accuracy(self) -> None:
-        """Refuse a table `[accuracy]` for surfaces and contacts that depend on their grid."""
+    def _require_what_goes_with_an_accuracy(self) -> None:
+        """Refuse a table `[accuracy]` beside surfaces and contacts whose errors are not known."""
         if self.accuracy is None:
             return
         fault = self.surface.fault_of_accuracy()
@@ -251,8 +251,8 @@ class Scene(Table):
         With the spacing "side/n", which all patches without edges have, each node has a cell of its
         own inside the sides. With "side/(n-1)" the sides reach from the first node to the last one.
 
-        If a trial has found the nodes for an accuracy, surfaces that are not the same on any grid
-        are read on cells that cover the patch of `made_grid`.
+        If a trial has found the nodes for an accuracy, the grid has these nodes. Surfaces that are
+        not the same on any grid are then read on cells that cover the patch of `made_grid`.
         """
         if self.accuracy is None or self.accuracy.found is None:
             return self.made_grid
@@ -274,12 +274,13 @@ class Scene(Table):
 
     @property
     def made_grid(self) -> Grid:
-        """The grid on which surfaces are made; mostly the one on which contacts are solved."""
-        if (
-            self.surface.ON_ANY_GRID
-            and not self.needs_trial
-            and self.accuracy is not None
-        ):
+        """The grid on which surfaces are made.
+
+        It is the one on which contacts are solved, unless a trial has found fewer nodes for
+        surfaces that are not the same on any grid.
+        """
+        has_found = self.accuracy is not None and self.accuracy.found is not None
+        if self.surface.ON_ANY_GRID and has_found:
             return self.grid
         return self._grid_of(self._patch)
 
@@ -411,7 +412,7 @@ class Scene(Table):
         return self.model_copy(update={"store": store})
 
     def with_accuracy_of(self, recorded: Self) -> Self:
-        """Return a copy of the scene with the grid and tolerance that another scene has found.
+        """Return a copy of the scene with the grid and tolerance that another scene has recorded.
 
         Parameters
         ----------
@@ -584,7 +585,8 @@ class Scene(Table):
 def _refuse_tolerance_beside_accuracy(content: dict[str, Any], source: str) -> None:
     """Raise InputError if a user's scene, read from TOML, asks for an error and gives a tolerance.
 
-    The text of a scene has the default tolerance, and that of a recorded scene the one of its grid.
+    The default tolerance is allowed, because a scene that was written with all its keys has it. Any
+    tolerance is allowed beside a grid in `accuracy.found`, because the trial has found both.
     """
     accuracy = content.get("accuracy")
     contact = content.get("contact")

@@ -153,7 +153,8 @@ class Contact(Table):
         Parameters
         ----------
         layer_numbers : mapping of str to float
-            Drawn thickness [um] and modulus [MPa] of its layer, by the names in `Layer.drawn`.
+            Those of the thickness [um] and the modulus [MPa] of its layer that are drawn, by the
+            names in `Layer.drawn`.
 
         Returns
         -------
@@ -167,6 +168,7 @@ class Contact(Table):
         base: HalfSpace | Literal["rigid"] = "rigid"
         if self.layer.base == "elastic":
             base = bem.HalfSpace(self.modulus, self.poisson)
+        # Drawn numbers take the places of the smallest ones; a number that is fixed has no others.
         numbers = {
             LAYER_THICKNESS: limits(self.layer.thickness).smallest,
             LAYER_MODULUS: limits(self.layer.modulus).smallest,
@@ -191,8 +193,8 @@ class Contact(Table):
     def e_star(self) -> float:
         """Plane-strain modulus E* = E / (1 - nu^2) [MPa].
 
-        It is that of the layer if there is one; of a drawn modulus, the geometric mean of its
-        limits.
+        If there is a layer, its modulus and Poisson's ratio are taken. A drawn modulus counts with
+        the geometric mean of its limits.
         """
         if self.layer is not None:
             low, high = limits(self.layer.modulus)
@@ -201,7 +203,7 @@ class Contact(Table):
 
     @property
     def layer_text(self) -> str:
-        """The layer and what it lies on, in words; "" for half-spaces."""
+        """The layer and its base in words; "" for half-spaces."""
         if self.layer is None:
             return ""
         base = f"{self.modulus:.6g} MPa (Poisson's ratio {self.poisson:.6g})"
@@ -252,7 +254,7 @@ class Contact(Table):
 
     @property
     def has_modulus(self) -> bool:
-        """Whether the modulus differs from the default.
+        """Whether the modulus differs from the default, or there is a layer.
 
         This stands in for whether the user gave a modulus, because the scene of a database has all
         keys.
