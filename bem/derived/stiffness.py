@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from bem.active_set import ActiveSet
-from bem.arrays import Nodes, Values
+from bem.arrays import Mask, Nodes, Values
 from bem.bodies import Body
 from bem.far_field import flat_punch
 from bem.iterate import Effort, Iterate
@@ -139,7 +139,7 @@ def pressed_on(
     ArithmeticError
         If conjugate gradients do not reach this residual.
     """
-    marked = np.zeros(problem.heights.shape, dtype=bool)
+    marked: Mask = np.zeros(problem.heights.shape, dtype=bool)
     marked.reshape(-1)[nodes] = True
     if problem.boundary == "free":  # the rest of a free patch carries nothing
         marked = marked[boxed(marked)]
