@@ -693,8 +693,9 @@ class LawOutputs(NamedTuple):
         """Tables for which contacts are solved between the loads too.
 
         "delta" is the table over Delta, "pressure" the table over the nominal pressure. A table is
-        refined if a program joins the points of a file made from it: both tables for a C header,
-        the one over pressure for CalculiX, Abaqus and 4C. There is none with --no-check.
+        refined for these files: both tables for a C header, the one over pressure for CalculiX,
+        Abaqus and 4C. Tables for MOOSE, Ansys and COMSOL have the loads of the law alone. With
+        --no-check no table is refined.
         """
         if not self.check:
             return ()
@@ -708,7 +709,7 @@ class LawOutputs(NamedTuple):
     def straight_lines(self) -> bool:
         """Whether to judge how far straight lines between the points are off.
 
-        CalculiX and Abaqus join the points of their files by straight lines.
+        It is judged for the files of CalculiX and Abaqus, which may have further points.
         """
         return self.check and (self.calculix is not None or self.abaqus is not None)
 
@@ -779,9 +780,9 @@ def _require_importable(path: Path) -> None:
 
 
 def _outputs(files: LawOutputs) -> Iterator[Output]:
-    """Yield all files that a law is written to: picture, formats, and the sides of its band.
+    """Yield all files that a law may be written to: the picture, the formats, and further files.
 
-    A file that is not written, because its option is left out, is not yielded.
+    Files whose options are left out are not yielded.
     """
     if files.picture is not None:
         yield Output(files.picture, "--plot", kind="picture")

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bem.accuracy import work
+from bem.accuracy import tolerance_for, work
 from bem.budget import Budget, Trial
 from gen.law.contact_law import (
     Law,
@@ -30,7 +30,6 @@ from gen.law.population import (
     Sampler,
     Stopping,
     refuse_unsuitable,
-    tolerance_for,
     worst_errors,
 )
 from gen.law.sampled import (

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem import NotConverged
-from bem.accuracy import LOOSEST, OF_TOLERANCE, on_coarser_map, work
+from bem.accuracy import on_coarser_map, work
 from bem.budget import ErrorParts
 from bem.coarsening import Coarsening
 from bem.derived.grid_error import LEAST_ORDER, slope_order
@@ -713,22 +713,6 @@ def _load_at(layout: Layout, column: int) -> str:
     """Write the load of a column of a layout, which is not first touch, with its unit."""
     kind, load = layout.loads_in_order[column - 1]
     return f"{load:.4g} {LOADS[kind].unit}"
-
-
-def tolerance_for(errors: Mapping[str, float]) -> float:
-    """Return the tolerance of the solver for some errors.
-
-    Parameters
-    ----------
-    errors : mapping of str to float
-        Largest relative errors of answers [1].
-
-    Returns
-    -------
-    float
-        The tolerance [Delta].
-    """
-    return min(OF_TOLERANCE * min(errors.values()), LOOSEST)
 
 
 def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:

@@ -105,6 +105,10 @@ ON_STEEL = (*LAYER, "--young", "2e5", "--boundary", "periodic")
         ((*ON_STEEL, "--kernel", "concentrated-force"), "--kernel: leave it out"),
         ((*ON_STEEL, "--conductivity", "1"), "on half-spaces only"),
         ((*ON_STEEL, "--error", "3%"), "are those of half-spaces"),
+        (
+            (*ON_STEEL, "--young", "2e5", "--friction", "0.3"),
+            "--friction: leave it out with --layer-thickness",
+        ),
     ],
 )
 def test_what_does_not_go_with_a_layer_is_refused(options, message, refused):

@@ -99,12 +99,13 @@ def test_the_band_of_one_surface_within_errors_is_these_errors(law):
 def test_print_json_and_files_say_what_was_asked_and_got(law, contacts):
     folder, printed = law
     worst = max(contact.budget.errors["area"].total for contact in contacts)
-    said = f"area in the continuum within {100 * worst:.2g} % at 95 %, at each load by itself"
+    area = f"area in the continuum within {100 * worst:.2g} %"
+    within_error = f"{area} at 95 %, at each load by itself"
     document = json_of(folder / "within.json")
-    assert any(said in note for note in document["notes"])
-    assert said in printed
+    assert any(within_error in note for note in document["notes"])
+    assert within_error in printed
     code = re.sub(r"\s+#\s+", " ", (folder / "law.py").read_text(encoding="utf-8"))
-    assert said in code
+    assert within_error in code
     assert "contacts between the loads: area in the continuum within" in code
     assert document["errors_asked_percent"]["area"] == pytest.approx(3)
     errors = document["tables"][1]["errors"]

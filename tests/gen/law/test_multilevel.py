@@ -64,7 +64,8 @@ def sampled(seed, error, finest=4, **settings):
         finer = COSTS[len(levels)] if len(levels) < finest else None
         step = planner.next_step(levels[coarsest:], finer)
         if isinstance(step, Completion):
-            cost = sum(one.cost for each in levels for one in each.samples)
+            samples = [sample for solved in levels for sample in solved.samples]
+            cost = sum(sample.cost for sample in samples)
             return levels[coarsest:], cost
         assert not isinstance(step, Unreachable)
         counts = {len(levels): PILOT}
