@@ -1,4 +1,4 @@
-"""Asperity's solver: contact of a rigid rough surface with an elastic half-space.
+"""Asperity's solver: contact of a rigid rough surface with an elastic half-space or layer.
 
 Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """

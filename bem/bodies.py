@@ -29,7 +29,7 @@ LAST_POWER = 19
 
 
 class Body(ABC):
-    """An elastic body below a plane surface, alike at every place along it; hashable.
+    """An elastic body below a plane surface, the same at every place along it; hashable.
 
     Attributes
     ----------
@@ -51,10 +51,10 @@ class Body(ABC):
 
     @property
     def mean_compliance(self) -> float:
-        """Displacement by a uniform pressure of 1 MPa without end [um / MPa].
+        """Displacement by a pressure of 1 MPa on all of the endless surface [um / MPa].
 
-        It is 0 by convention for whatever lies on a half-space, which has no end below:
-        displacements then count from the mean of the deformed surface.
+        It is 0 by convention for half-spaces and layers on half-spaces, where it would be infinite:
+        displacements are measured from the mean of the deformed surface there.
         """
         return 0.0
 
@@ -70,7 +70,7 @@ class Body(ABC):
         Returns
         -------
         ndarray or float
-            Ratio for each wave number, above 0, which goes to 1 for short waves [1].
+            Ratio for each wave number. It is above 0, and goes to 1 for short waves [1].
         """
 
     def compliance(self, wave_numbers: Field) -> Field:
@@ -122,8 +122,8 @@ class Body(ABC):
         Returns
         -------
         Body
-            The body, whose `e_star` is 1. All half-spaces with one kernel are the same then, so
-            that they share tables and filters.
+            The body, whose `e_star` is 1. All half-spaces with the same kernel are reduced to the
+            same body, so that they share tables and filters.
         """
         if self.is_homogeneous:
             return REDUCED[self.kernel]
@@ -157,7 +157,7 @@ class HalfSpace(Body):
     @property
     def e_star(self) -> float:
         """Plane-strain modulus E / (1 - nu^2) [MPa]."""
-        return self.modulus / (1 - self.poisson**2)
+        return _plane_strain_modulus(self.modulus, self.poisson)
 
     @property
     def is_homogeneous(self) -> bool:
@@ -192,7 +192,7 @@ class ConcentratedForces(HalfSpace):
 
 @dataclass(frozen=True)
 class Layered(Body):
-    """A layer of one thickness, bonded to what it lies on, without friction at its surface.
+    """A layer of uniform thickness, bonded to its base, without friction at its surface.
 
     Attributes
     ----------
@@ -203,7 +203,7 @@ class Layered(Body):
     poisson : float
         Poisson's ratio of the layer [1].
     base : HalfSpace or "rigid"
-        What the layer lies on.
+        Body below the layer.
 
     Raises
     ------
@@ -219,9 +219,8 @@ class Layered(Body):
     def __post_init__(self) -> None:
         """Check the numbers and the base."""
         thickness = real_number("thickness", self.thickness, THICKNESSES)
-        object.__setattr__(
-            self, "thickness", thickness
-        )  # the class is frozen for its users
+        # The class is frozen for its users.
+        object.__setattr__(self, "thickness", thickness)
         _check_material(self, self.modulus, self.poisson)
         if type(self.base) is not HalfSpace and self.base != "rigid":
             raise ValueError(
@@ -231,13 +230,14 @@ class Layered(Body):
     @property
     def e_star(self) -> float:
         """Plane-strain modulus E / (1 - nu^2) of the layer [MPa]."""
-        return self.modulus / (1 - self.poisson**2)
+        return _plane_strain_modulus(self.modulus, self.poisson)
 
     @property
     def mean_compliance(self) -> float:
-        """Thickness over the modulus of compression between plates on a rigid base [um / MPa].
+        """Displacement by a pressure of 1 MPa on all of the surface [um / MPa].
 
-        It is 0 for an incompressible layer, and by convention on a half-space.
+        On a rigid base it is the thickness over the layer's modulus under uniaxial strain, which is
+        infinite for an incompressible layer. On a half-space it is 0 by convention.
         """
         if self.base != "rigid":
             return 0.0
@@ -256,9 +256,9 @@ class Layered(Body):
         """Compute the compliance over that of a half-space of the layer's material.
 
         The formula is that of O'Sullivan and King (1988, Journal of Tribology 110, 235) for a
-        normal load without friction. Its numerator and denominator are written by sums in which
-        nothing cancels, so that thin layers, incompressible ones and a rigid base, which is the
-        shear ratio 0, lose no digits.
+        normal load without friction. Its numerator and denominator are written as sums in which
+        nothing cancels, so that no digits are lost for thin layers, for incompressible ones and for
+        a rigid base, whose shear ratio is 0.
 
         Parameters
         ----------
@@ -271,8 +271,9 @@ class Layered(Body):
             Ratio for each wave number [1].
         """
         ratio = self._shear_ratio
+        # Kolosov's constants 3 - 4 nu of the layer and of the base.
         layer = 3 - 4 * self.poisson
-        base = 1.0  # of a rigid base, where any number will do
+        base = 1.0  # any number: for a rigid base it is multiplied by the ratio 0
         if isinstance(self.base, HalfSpace):
             base = 3 - 4 * self.base.poisson
         twice_depth = 2 * self.thickness * wave_numbers  # 2 q h
@@ -288,9 +289,8 @@ class Layered(Body):
             + 4 * square_of_ratio * base
         )
         square = (1 + layer) * (2 + ratio * (base - 1))
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # the caller refuses such bodies
+        # Bodies that overflow here are refused by `bem.problem.check_solvable`.
+        with np.errstate(over="ignore", invalid="ignore"):
             above = of_both * (1 + decay**2)
             above += of_rests * _scaled_rest(twice_depth, first=3)
             above += 2 * linear * twice_depth * decay
@@ -361,7 +361,9 @@ class _Reduced(Body):
 
 @dataclass(frozen=True)
 class WithoutMean(Body):
-    """A body whose displacements count from the mean of its deformed surface.
+    """A body whose displacements are measured from the mean of its deformed surface.
+
+    Its mean compliance is 0, whatever that of the body is.
 
     Attributes
     ----------
@@ -384,9 +386,10 @@ class WithoutMean(Body):
 def _scaled_rest(values: Field, first: int) -> Field:
     """Compute 2 exp(-y) times a power series of y without its first terms, for numbers y above 0.
 
-    With `first` 3 the series is that of sinh y, and the result 2 exp(-y) (sinh y - y). With 4 it is
-    that of cosh y, and the result 2 exp(-y) (cosh y - 1 - y^2 / 2). Below 1, where these cancel,
-    the series itself is summed.
+    `first` is the power of the first term that is left. With 3 the series is that of sinh y, and
+    the result 2 exp(-y) (sinh y - y). With 4 it is that of cosh y, and the result
+    2 exp(-y) (cosh y - 1 - y^2 / 2). For y below 1, where these differences cancel, the series
+    itself is summed.
     """
     decay = np.exp(-values)
     if first == 3:
@@ -418,23 +421,28 @@ def checked_body(body: Any) -> Body:
     Raises
     ------
     ValueError
-        If it is neither.
+        If it is neither, or one of two bodies is under concentrated forces.
     """
     if isinstance(body, Body):
         return body
-    both = body
     if isinstance(body, tuple | list) and len(body) == 2:
-        both = [
-            part
-            for part in body
-            if isinstance(part, Body) and part.kernel == "uniform-pressure"
-        ]
-        if len(both) == 2:
-            return Pair(both[0], both[1])
+        first, second = body
+        if _may_be_paired(first) and _may_be_paired(second):
+            return Pair(first, second)
     raise ValueError(
         f"body = {shown(body)}: must be a bem.HalfSpace, a bem.Layered, another bem.Body, or two of"
         " them, (a, b)"
     )
+
+
+def _may_be_paired(body: Any) -> bool:
+    """Return whether a value is a body whose compliance can be added to that of another one."""
+    return isinstance(body, Body) and body.kernel == "uniform-pressure"
+
+
+def _plane_strain_modulus(modulus: float, poisson: float) -> float:
+    """Return E* = E / (1 - nu^2) of a material [MPa]."""
+    return modulus / (1 - poisson**2)
 
 
 def _check_material(body: Body, modulus: float, poisson: float) -> None:
@@ -444,10 +452,10 @@ def _check_material(body: Body, modulus: float, poisson: float) -> None:
     object.__setattr__(body, "poisson", real_number("poisson", poisson, POISSONS))
 
 
-# The half-space of unit modulus, into which all are reduced.
+# The half-space of unit modulus, to which all half-spaces are reduced.
 HALF_SPACE = HalfSpace(1.0)
 
-# The same for either kernel.
+# The half-spaces of unit modulus by their kernels.
 REDUCED: dict[Kernel, HalfSpace] = {
     "uniform-pressure": HALF_SPACE,
     "concentrated-force": ConcentratedForces(1.0),

@@ -1,4 +1,4 @@
-"""The contact of a rigid rough surface with an elastic half-space, as `solve` returns it."""
+"""The contact of a rigid rough surface with an elastic body, as `solve` returns it."""
 
 from __future__ import annotations  # short signatures in help()
 
@@ -55,8 +55,8 @@ class Contact:
     approach : float
         Total displacement of the far field: Delta, plus F / K if the far field is compliant [um].
     residual : float
-        Largest absolute gap in contact, or penetration outside, over Delta, or if the force is
-        given over the approach without what a uniform pressure displaces [1].
+        Largest absolute gap in contact, or penetration outside. It is relative to Delta; if the
+        force is given, to the approach without the displacement by the mean pressure [1].
     iterations : int
         Number of steps of conjugate gradients, plus contact sets tried by dense algebra.
     convolutions : int
@@ -86,7 +86,7 @@ class Contact:
 
     @computed_once
     def displacement(self) -> Field:
-        """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
+        """Normal displacement of the body's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
         operator = displacement_filter(
             self.pressure.shape,
@@ -201,7 +201,7 @@ class Contact:
         return 100.0 * cells / self.pressure.size
 
     def with_budget(self, budget: Budget) -> Contact:
-        """Return this contact, and what was computed of it, with a budget of errors.
+        """Return this contact with a budget of errors, and with all answers computed so far.
 
         Parameters
         ----------
@@ -348,14 +348,14 @@ class Contact:
         """Differentiate an answer of this contact by the heights of its surface.
 
         The derivatives hold as long as the contact set stays. Yielded nodes keep their pressure,
-        so that their heights have no influence but by the highest node: Delta counts from it.
-        See `bem.derived.gradient`.
+        so that their heights have no influence, except the height of the highest node: Delta counts
+        from it. See `bem.derived.gradient`.
 
         Parameters
         ----------
         of : str
             "force", at a given Delta; "delta", at a given force or pressure; or "mean_gap", at the
-            load or the Delta that the problem was given.
+            given load or Delta of the problem.
 
         Returns
         -------
@@ -365,10 +365,11 @@ class Contact:
         Raises
         ------
         ValueError
-            If the answer has no gradient, as a count of nodes has none; if several nodes are the
-            highest, where Delta matters; if the contact is that of `solve_within`, whose heights
-            come from another grid; or, for Delta and at a given load, if no node in contact is
-            below the hardness.
+            If the answer has no gradient, such as a count of nodes; if several nodes are the
+            highest, for derivatives of Delta or at a given Delta; if the contact is one of
+            `solve_within`, whose heights come from another grid; if a full contact is infinitely
+            stiff, for the force; or, for Delta and at a given load, if no node in contact is below
+            the hardness.
         ArithmeticError
             If a linear solve does not converge.
         """

@@ -161,8 +161,8 @@ class Equilibrium:
         Whether rounding leaves no step that would come nearer to equilibrium.
     displacement : ndarray, shape (nx, ny), or None
         Displacement of the half-space under that pressure, nan outside the box that was solved;
-        None if it is not known. Under a given force, that of the mean pressure is not in it
-        [length].
+        None if it is not known. Under a given force, the displacement by the mean pressure is left
+        out [length].
     presumably_elastic : bool
         Whether a hardness was taken into account that no node is certain to have reached.
     """
@@ -248,11 +248,11 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
 
 
 def _beside_mean_displacement(problem: Problem, near: Start | None) -> Equilibrium | None:
-    """Solve under a force, whose mean pressure displaces all of the patch alike.
+    """Solve under a force whose mean pressure displaces all nodes of the patch by the same amount.
 
-    The force alone tells this displacement, which is added to that of the patch as it would be
-    without it. Tolerances and starts are therefore those of the rough surface, however thick the
-    layer below is. The displacement field of the result is without it, too.
+    This displacement follows from the force alone. The patch is solved without it, and it is added
+    to Delta and to the approach afterwards, but not to the displacement field. Tolerances and
+    starts are therefore those of the rough surface, however thick the layer is.
     """
     relative = replace(problem, body=WithoutMean(problem.body))
     solution = equilibrium_of(relative, near)
@@ -533,9 +533,9 @@ def _begun_nearly_full(iterate: Iterate) -> bool:
 def _begun_beyond_mean_depth(iterate: Iterate, mean_depth: float) -> bool:
     """Begin at a given Delta from the pressure of full contact, cut off below zero.
 
-    A uniform pressure displaces the patch. `mean_depth` is the mean depth of the surface [Delta].
-    Return whether the iterate now has a useful start; if Delta is below this depth, leave it as it
-    is.
+    It serves bodies with a mean compliance, on which full contact has a pressure at every Delta.
+    `mean_depth` is the mean depth of the surface [Delta]. Return whether the iterate now has a
+    useful start; if Delta is below this depth, return False and leave the iterate as it is.
     """
     if mean_depth > 1:
         return False

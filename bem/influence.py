@@ -22,27 +22,34 @@ from bem.threads import share
 # closed form is used.
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
-# Difference of a body's relative compliance from 1 that is taken for 0 [1], and the exponent of the
-# decay at which it is reached.
+# Difference of a body's relative compliance from 1 that is neglected [1].
 RESOLVED = 1e-13
+
+# Product of a wave number q and the depth h of a layer at which exp(-2 q h), by which the relative
+# compliance differs from 1, is about `RESOLVED` [1].
 DECAYED = 15.0
 
-# Wave numbers between which it has to be reached [1 / first side of a cell].
+# Wave numbers between which the difference has to fall to `RESOLVED` [1 / first side of a cell].
 SMALLEST_WAVE_NUMBER = 1e-9
 LARGEST_WAVE_NUMBER = 100.0
 
 # Rings around the loaded cell: the distance at which each ends [longer side of a cell], and the
 # Gauss-Legendre points along each side of the cell, for layers of the size of the cell.
 DEPTH_RINGS = ((3.0, 8), (8.0, 6), (64.0, 4), (math.inf, 3))
+
+# Distance up to which thinner layers need more of these points [longer side of a cell].
 FAR = 8.0
 
 # Most points along a side of the cell.
 MOST_POINTS = 48
 
-# Gauss-Legendre points of a panel of wave numbers, half waves of the Bessel function in it, and
-# points of the table of displacements for each factor e in distance.
+# Gauss-Legendre points of a panel of wave numbers.
 PANEL_POINTS = 16
+
+# Most half waves of the Bessel function in a panel.
 WAVES_OF_PANEL = 4.0
+
+# Points of the table of displacements for each factor e in distance.
 TABLE_POINTS = 160
 
 # Longest side of a square table that serves grids of all shapes that fit into it [nodes]. The boxes
@@ -285,20 +292,20 @@ def _quadrature(
 def _below_surface(shape: tuple[int, int], body: Body, aspect: float) -> Field:
     """Compute what a body's depth adds to the coefficients of its surface's material, (nx, ny).
 
-    A unit force displaces a layered body by 1 / (pi r), as a half-space of its surface, plus
+    A unit force displaces a layered body by 1 / (pi r), as a half-space of the material at its
+    surface, plus
 
         G(r) = 1 / pi * integral over q of (C(q) / C_surface(q) - 1) J0(q r)
 
-    whose integrand is finite at q = 0, and falls exponentially with the depth of the layer. G is
+    whose integrand is finite at q = 0, and decays as exp(-2 q h) over a layer of depth h. G is
     smooth: it is tabulated over r, interpolated, and averaged over the loaded cell by
     Gauss-Legendre points. `body` is reduced.
     """
     farthest = math.hypot(shape[0] + 1, (shape[1] + 1) * aspect)
     depth = DECAYED / largest_wave_number(body)  # the length on which G changes
-    reach = 2.0 ** max(
-        math.ceil(math.log2(farthest)), 4
-    )  # few lengths, which grids share
-    displacement = _tabulated_depth(body, reach, depth)
+    # A power of two, so that grids of similar sizes share a table.
+    octaves = max(math.ceil(math.log2(farthest)), 4)
+    displacement = _tabulated_depth(body, 2.0**octaves, depth)
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     table = np.zeros(shape)
     for zone, points in _zones_of_depth(shape, aspect, depth):
@@ -315,7 +322,7 @@ def _below_surface(shape: tuple[int, int], body: Body, aspect: float) -> Field:
 
 
 def largest_wave_number(body: Body) -> float:
-    """Return the wave number from which on a body answers as its surface's material does.
+    """Return a wave number above which a body is as compliant as the material at its surface.
 
     Parameters
     ----------
@@ -325,8 +332,7 @@ def largest_wave_number(body: Body) -> float:
     Returns
     -------
     float
-        Wave number; inf if it is larger than a table of coefficients can reach
-        [1 / first side of a cell].
+        Wave number, inf if it is above `LARGEST_WAVE_NUMBER` [1 / first side of a cell].
     """
     wave_number = SMALLEST_WAVE_NUMBER
     while wave_number <= LARGEST_WAVE_NUMBER:
@@ -340,7 +346,11 @@ def largest_wave_number(body: Body) -> float:
 def _zones_of_depth(
     shape: tuple[int, int], aspect: float, depth: float
 ) -> Iterator[tuple[Mask, int]]:
-    """Yield the offsets in rings around the loaded cell, and the Gauss-Legendre points for each."""
+    """Yield masks of the offsets in rings around the loaded cell, and the points for each.
+
+    The points are those of a Gauss-Legendre rule along each side of the cell. `depth` is the length
+    on which G of `_below_surface` changes [first side of a cell].
+    """
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     distance = np.hypot(rows, columns * aspect) / max(1.0, aspect)
     start = 0.0
@@ -362,14 +372,9 @@ def _tabulated_depth(body: Body, farthest: float, depth: float) -> Callable[[Rea
     from scipy.interpolate import make_interp_spline
     from scipy.special import j0
 
-    largest = largest_wave_number(body)
-    # Panels grow from the smallest wave number, and none has more than a few waves of J0.
-    longest = min(WAVES_OF_PANEL * math.pi / farthest, largest / 8)
-    edges = [0.0, SMALLEST_WAVE_NUMBER / farthest]
-    while edges[-1] < largest:
-        edges.append(min(2 * edges[-1], edges[-1] + longest, largest))
+    edges = _panel_edges(largest_wave_number(body), farthest)
     nodes, weights = np.polynomial.legendre.leggauss(PANEL_POINTS)
-    middles = (np.array(edges[1:]) + np.array(edges[:-1])) / 2
+    middles = (edges[1:] + edges[:-1]) / 2
     halves = np.diff(edges) / 2
     wave_numbers = (middles[:, np.newaxis] + np.outer(halves, nodes)).ravel()
     strengths = np.outer(halves, weights).ravel()
@@ -385,11 +390,24 @@ def _tabulated_depth(body: Body, farthest: float, depth: float) -> Callable[[Rea
     spline = make_interp_spline(places, values, 5)
 
     def displacement(distance: Real) -> Real:
-        """Return G at some distances."""
+        """Return G at some distances [first side of a cell x pressure / E*]."""
         interpolated: Real = spline(np.arcsinh(distance / depth))
         return interpolated
 
     return displacement
+
+
+def _panel_edges(largest: float, farthest: float) -> Values:
+    """Return the edges of panels of wave numbers from 0 to `largest`, (n + 1,).
+
+    Panels double in width from the smallest wave number, until J0 has `WAVES_OF_PANEL` half waves
+    in one at the distance `farthest`.
+    """
+    widest = min(WAVES_OF_PANEL * math.pi / farthest, largest / 8)
+    edges = [0.0, SMALLEST_WAVE_NUMBER / farthest]
+    while edges[-1] < largest:
+        edges.append(min(2 * edges[-1], edges[-1] + widest, largest))
+    return np.array(edges)
 
 
 def _concentrated_force(

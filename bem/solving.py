@@ -174,20 +174,18 @@ def solve(
         "free": nothing surrounds the patch, as in the paper. "periodic": the patch repeats itself
         along both axes without end. "mirror": its mirror images continue it, which leaves no step
         at its borders whatever the surface is. "periodic" and "mirror" model a piece of a larger
-        interface: waves of pressure p(q) of wavenumber q displace the half-space by
-        2 p(q) / (E* q) (Johnson 1985, section 13.2). The mean pressure displaces nothing: Delta
-        counts from the mean of the deformed surface.
-        They have no choice of kernel, and a rigid far field only. Cells of 1:1 to 1:100 are tested;
-        longer cells may raise NotConverged.
+        interface: waves of pressure p(q) of wavenumber q displace a half-space by 2 p(q) / (E* q)
+        (Johnson 1985, section 13.2). The mean pressure displaces no half-space: Delta counts from
+        the mean of the deformed surface. They have no choice of kernel, and a rigid far field only.
+        Cells of 1:1 to 1:100 are tested; longer cells may raise NotConverged.
     hardness : float, optional
         Largest contact pressure P, the hardness of the softer body, on a rigid far field only
         [MPa]. Without it the bodies are elastic.
     rtol : float
         Largest absolute gap in contact, or penetration outside, that is accepted. It is relative to
-        Delta; if the force is given, to the approach without what a uniform pressure displaces
-        [1]. Of the tolerances tried, the default is
-        the loosest with which 99.9 % of the paper preset's samples have exactly the right contact
-        nodes.
+        Delta; if the force is given, to the approach without the displacement by the mean pressure
+        [1]. Of the tolerances tried, the default is the loosest with which 99.9 % of the paper
+        preset's samples have exactly the right contact nodes.
     max_iterations : int
         Bound on the steps of conjugate gradients and the contact sets of dense algebra. Where
         contact sets cycle on a patch without edges, up to four times this number of cheaper passes

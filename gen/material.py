@@ -41,15 +41,22 @@ LOADS = {
 """What to give for the loads of a law and of predictions, by the name of the option."""
 
 
+class Heading(NamedTuple):
+    """The name and the unit of a column for people."""
+
+    label: str
+    unit: str = ""
+
+
 LAYER_COLUMNS = {
-    "layer_thickness_um": ("layer", "um"),
-    "layer_young_MPa": ("layer's Young's modulus", "MPa"),
-    "layer_poisson": ("layer's Poisson's ratio", ""),
-    "base": ("base of the layer", ""),
-    "base_young_MPa": ("base's Young's modulus", "MPa"),
-    "base_poisson": ("base's Poisson's ratio", ""),
+    "layer_thickness_um": Heading("layer", "um"),
+    "layer_young_MPa": Heading("layer's Young's modulus", "MPa"),
+    "layer_poisson": Heading("layer's Poisson's ratio"),
+    "base": Heading("base of the layer"),
+    "base_young_MPa": Heading("base's Young's modulus", "MPa"),
+    "base_poisson": Heading("base's Poisson's ratio"),
 }
-"""Columns about a layer: the name and the unit for people."""
+"""Columns about a layer and its base."""
 
 
 class Gas(NamedTuple):
@@ -242,7 +249,7 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
 
 
 def shear_shares(text: str) -> tuple[float, ...]:
-    """Parse shear forces: numbers or series of them, with commas between them.
+    """Parse the value of the option --shear: numbers or series, with commas between them.
 
     Parameters
     ----------
@@ -356,8 +363,8 @@ class Friction:
     ) -> Self:
         """Return the friction of two bodies whose normal and tangential contacts are independent.
 
-        They are if the elastic constants of both are alike. A pair of a rigid and an elastic body
-        has to have Poisson's ratio 0.5.
+        These contacts are independent if the elastic constants of both bodies are alike, or if a
+        rigid body is pressed on an elastic one whose Poisson's ratio is 0.5.
 
         Parameters
         ----------
@@ -368,8 +375,8 @@ class Friction:
         poisson : sequence of float or None
             Poisson's ratio of each elastic body; None or empty for 0.
         like_bodies : bool
-            True to take two unlike bodies for alike: Poisson's ratio is then the mean of both,
-            weighted by the compliances in shear.
+            True to take two unlike bodies for alike: Poisson's ratio is then the mean of both
+            ratios, weighted by the compliances of the bodies in shear.
 
         Returns
         -------
@@ -407,6 +414,7 @@ class Friction:
                 f" MPa, --poisson {ratios[0]:g} and {ratios[1]:g}): pressures shift them;"
                 " --like-bodies neglects this"
             )
+        # Half of the compliances in shear, 1 / (2 G).
         compliances = [(1 + nu) / e for e, nu in zip(young, ratios, strict=True)]
         total = sum(compliances)
         shares = [compliance / total for compliance in compliances]
@@ -415,11 +423,11 @@ class Friction:
 
 
 class Layer(NamedTuple):
-    """A layer that is bonded to an elastic body or to a rigid one."""
+    """A layer that is bonded to an elastic base or to a rigid one."""
 
     thickness: float  # [um]
-    material: ElasticBody
-    on_rigid: bool  # whether its base is rigid
+    material: ElasticBody  # of the layer itself
+    on_rigid: bool  # whether the base is rigid
 
     @classmethod
     def of(
@@ -429,23 +437,23 @@ class Layer(NamedTuple):
         poisson: float | None,
         base: str,
     ) -> Self | None:
-        """Return the layer of the options.
+        """Return the layer of the options --layer-*; a number is None if its option is left out.
 
         Parameters
         ----------
         thickness : float or None
             Thickness [um].
         young : float or None
-            Young's modulus [MPa].
+            Young's modulus of the layer [MPa].
         poisson : float or None
-            Poisson's ratio; None for 0.
+            Poisson's ratio of the layer; None for 0.
         base : {"elastic", "rigid"}
-            What it lies on.
+            Kind of the body below the layer.
 
         Returns
         -------
         Layer or None
-            The layer; None if none of its options was given.
+            The layer; None if all numbers are None and the base is elastic.
 
         Raises
         ------
@@ -480,9 +488,8 @@ class LayeredBody(NamedTuple):
 
     layer: Layer
     base: ElasticBody | None  # None if the base is rigid
-    other: (
-        ElasticBody | None
-    )  # the body that is pressed on the layer; None if it is rigid
+    # The body that is pressed on the layer; None if it is rigid.
+    other: ElasticBody | None
 
     @property
     def body(self) -> "bem.Body | tuple[bem.Body, bem.Body]":
@@ -617,20 +624,22 @@ class Bodies(NamedTuple):
         elastic: list[ElasticBody | None] = [
             ElasticBody(*body) for body in zip(moduli, ratios, strict=True)
         ]
-        elastic += [None] * (2 - len(elastic))
+        while len(elastic) < 2:
+            elastic.append(None)  # a rigid body
+        base, other = elastic
         surfaces = [layer.material]
-        if elastic[1] is not None:
-            surfaces.append(elastic[1])
+        if other is not None:
+            surfaces.append(other)
         modulus = combined_modulus(
             [surface.young for surface in surfaces],
             [surface.poisson for surface in surfaces],
         )
-        assert modulus is not None
+        assert modulus is not None  # it is None without any modulus
         return cls(
             e_star=modulus,
             hardness=hardness,
             has_modulus=True,
-            layered=LayeredBody(layer=layer, base=elastic[0], other=elastic[1]),
+            layered=LayeredBody(layer=layer, base=base, other=other),
         )
 
     @property
@@ -651,7 +660,7 @@ class Bodies(NamedTuple):
 
 def _require_poisson(option: str, ratio: float) -> None:
     """Refuse a Poisson's ratio, given by an option, that no material has."""
-    if not -1 < ratio <= 0.5:
+    if not -1 < ratio <= INCOMPRESSIBLE:
         raise InputError(f"{option} {ratio:g}: must be above -1 and at most 0.5")
 
 

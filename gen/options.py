@@ -347,7 +347,7 @@ class Shear(NamedTuple):
     ] = False
 
     def friction_of(self, material: Material) -> "Friction | None":
-        """Return the friction of the bodies, None if the option is left out.
+        """Return the friction of the bodies; None if --friction is left out.
 
         Parameters
         ----------
@@ -362,7 +362,8 @@ class Shear(NamedTuple):
         Raises
         ------
         InputError
-            If the bodies yield or are not alike, or a number is not allowed.
+            If the bodies yield or are not alike, a number is not allowed, or --like-bodies was
+            given without --friction.
         """
         from gen.material import Friction
 
@@ -412,56 +413,81 @@ class Accuracy(NamedTuple):
             return None
         from gen.maps.accuracy import errors_from
 
-        refuse(context, NOT_WITH_ERROR)
+        refuse(context, NOT_WITH_ERROR, "--error")
         return errors_from(self.error)
 
 
+class Refusal(NamedTuple):
+    """What another option of a command refuses about an option."""
+
+    allowed: object  # the only value that is not refused
+    reason: str
+
+
 NOT_WITH_ERROR = {
-    "grid_error": (True, "answers within an error need the error of the grid"),
-    "rtol": (None, "the tolerance of the solver follows from the error"),
-    "kernel": ("uniform-pressure", "answers of the other one belong to its grid"),
-    "far_field": ("rigid", "answers of the other one belong to its grid"),
-    "flattened": (None, "it would have fewer nodes than the map"),
+    "grid_error": Refusal(True, "answers within an error need the error of the grid"),
+    "rtol": Refusal(None, "the tolerance of the solver follows from the error"),
+    "kernel": Refusal("uniform-pressure", "answers of the other one belong to its grid"),
+    "far_field": Refusal("rigid", "answers of the other one belong to its grid"),
+    "flattened": Refusal(None, "it would have fewer nodes than the map"),
 }
-"""Options that --error refuses, by their parameters: the value that is allowed, and the reason."""
+"""Options that --error refuses, by their parameters."""
 
 
 NOT_WITH_MEANS = {
-    "surfaces": (None, "the number of surfaces follows from the error"),
-    "band": (None, "the band is the error of the means"),
+    "surfaces": Refusal(None, "the number of surfaces follows from the error"),
+    "band": Refusal(None, "the band is the error of the means"),
 }
-"""Further options that --error refuses with a scene."""
+"""Further options that --error refuses with a scene, by their parameters."""
 
 
-def refuse(context: typer.Context, refused: Mapping[str, tuple[object, str]]) -> None:
-    """Refuse the first option of a command that was given and does not go with --error.
+NOT_WITH_LAYER = {
+    "kernel": Refusal("uniform-pressure", "the other one is that of a half-space"),
+    "far_field": Refusal("rigid", "the other one is that of a half-space"),
+    "conductivity": Refusal(
+        None, "the conductance follows from the stiffness on half-spaces only"
+    ),
+    "error": Refusal("", "answers within an error are those of half-spaces"),
+    "friction": Refusal(
+        None, "partial slip follows from normal contacts on half-spaces only"
+    ),
+}
+"""Options that --layer-thickness refuses, by their parameters."""
+
+
+def refuse(
+    context: typer.Context, refusals: Mapping[str, Refusal], other_option: str
+) -> None:
+    """Refuse the first option on the command line that does not go with another one.
 
     Parameters
     ----------
     context : typer.Context
         The command with the values of all of its options.
-    refused : mapping
-        Refused options by their parameters: the value that is allowed, and the reason.
+    refusals : mapping of str to Refusal
+        Refused options by their parameters.
+    other_option : str
+        The option that refuses them, as "--error".
 
     Raises
     ------
     InputError
-        If one of them was given with another value.
+        If one of them was given with a value that is not allowed.
     """
     for parameter in context.command.params:
         name = str(parameter.name)
-        if name not in refused:
+        if name not in refusals:
             continue
-        allowed, reason = refused[name]
+        refusal = refusals[name]
         source = context.get_parameter_source(name)
         is_given = source is not None and source.name == "COMMANDLINE"
         value = context.params[name]
-        if not is_given or value == allowed:
+        if not is_given or value == refusal.allowed:
             continue
         option = parameter.opts[0]
         if value is False:
             option = parameter.secondary_opts[0]
-        raise InputError(f"{option}: leave it out with --error: {reason}")
+        raise InputError(f"{option}: leave it out with {other_option}: {refusal.reason}")
 
 
 class Against(NamedTuple):
@@ -604,9 +630,9 @@ class LawFormat:
 
     option: str  # option that names the file, for messages
     ending: str  # what `--output NAME` appends to NAME, such as ".csv"
-    # What follows the stem of further files: the sides of the band, or the argument of a table.
+    # Endings of the stems of further files: the sides of the band, or the argument of a table.
     further: tuple[str, ...] = ()
-    by_stem: bool = True  # whether `--output` writes it
+    by_stem: bool = True  # whether `--output` writes this format
 
 
 LAW_FORMATS = {

@@ -260,13 +260,12 @@ def border_edges(
     # The axis that edges are across, and the flat step from the open node to the contact node.
     ways = ((0, row), (0, -row), (1, 1), (1, -1))
     for axis, inward in ways:
-        inner = touching[
-            ~contact[touching - inward]
-        ]  # contact nodes with an edge this way
+        # Contact nodes with an edge this way.
+        inner = touching[~contact[touching - inward]]
         spacing = problem.spacing[axis]
         ratio = spacing / problem.spacing[1 - axis]
         if ratio > 1:
-            # the same nodes as `inner`, as a mask
+            # The same nodes as `inner`, as a mask.
             facing = _on_patch(contact & ~np.roll(contact, inward), pressure.shape)
             directions = _by_runs(
                 facing, axis, min(ratio, LARGEST_RATIO), problem.boundary

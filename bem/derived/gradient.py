@@ -6,12 +6,14 @@ heights z, the height z_0 at which Delta is zero, and the approach d of the far 
 
     H_AA dp_A = dz_A + (dd - dz_0) 1,
 
-while yielded nodes keep their pressure. The flat punch of A, the solution of H_AA q = 1, gives the
-derivatives of force and Delta; it also gives the stiffness. The derivatives of the mean gap need
-one more solve with the same matrix, which is symmetric: the adjoint solve H_AA y = (H m)_A. Here m
-is one over the number of nodes wherever the gap is open, and zero elsewhere.
+because nodes in contact have no gap, while yielded nodes keep their pressure. The flat punch of A,
+the solution of H_AA q = 1, gives the derivatives of force and Delta; it also gives the stiffness.
+The derivatives of the mean gap need one more solve with the same matrix, which is symmetric: the
+adjoint solve H_AA y = (H m)_A. Here m is one over the number of nodes wherever the gap is open, and
+zero elsewhere.
 
-The contact set changes where pressure or gap is zero, so that its changes are of second order.
+Nodes enter or leave the contact set where pressure or gap is zero, so that they change the answers
+to second order only.
 """
 
 from dataclasses import dataclass
@@ -32,7 +34,7 @@ ADJOINT_RTOL = 1e-7
 Differentiable = Literal["force", "delta", "mean_gap"]
 DIFFERENTIABLE: tuple[Differentiable, ...] = get_args(Differentiable)
 
-# Answers of a contact that are counts of nodes or cells of a border, and why they are refused.
+# Answers of a contact that change in steps, and why they are refused.
 WITHOUT_GRADIENT = {
     "area_percent": "a count of nodes changes in steps",
     "area": "a count of nodes changes in steps",
@@ -52,7 +54,7 @@ class LinearContact:
     elastic : ndarray of bool, shape (nx, ny)
         Mask of the nodes in contact that are below the hardness.
     is_open : ndarray of bool, shape (nx, ny)
-        Mask of the nodes out of contact.
+        Mask of the nodes that are not in contact.
     punch : Punch
         The flat punch of the elastic nodes.
     """
@@ -91,12 +93,12 @@ def gradient_of(contact: LinearContact, of: str) -> Field:
     Returns
     -------
     ndarray, shape (nx, ny)
-        Derivatives [uN / um] of the force, [1] of Delta and of the mean gap.
+        Derivatives: of the force [uN / um], of Delta and of the mean gap [1].
 
     Raises
     ------
     ValueError
-        If the answer has no gradient, or the contact has not.
+        If the answer has no gradient, or this contact has none, see `Contact.gradient`.
     ArithmeticError
         If a linear solve does not converge.
     """
@@ -126,7 +128,7 @@ def mean_gap_slope_of(contact: LinearContact) -> float:
     Returns
     -------
     float
-        Derivative, below or at 0: -1 on an elastic patch without edges [1].
+        Derivative, at most 0; it is -1 for elastic half-spaces on a patch without edges [1].
 
     Raises
     ------

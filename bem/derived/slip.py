@@ -5,10 +5,13 @@ coefficient of friction f. The traction is f times the difference of the pressur
 and P - Q / f, the contact at P - Q / f sticks, and the shift of the bodies is f times the ratio of
 tangential to normal compliance times the difference of both displacements (Jaeger 1998, Archive of
 Applied Mechanics 68; Ciavarella 1998, Journal of Applied Mechanics 65, 998). This is exact for
-nu = 0, and for isotropic contacts near it else. The ratio of compliances comes from a linear solve
-in shear on the contact set, because it depends on the direction where contacts are oblong.
+nu = 0. At nu = 0.3 the shear forces are within 2 % of a vector solve of Coulomb's law
+(`pytest tests/bem/derived/test_slip.py -k coulombs_law`). The ratio of compliances comes from a
+linear solve in shear on the contact set, because it depends on the direction of the shear where
+contacts are oblong.
 
-Further branches of a loop follow by Masing's rule: a reversal doubles the curve.
+Further branches of a loop follow by Masing's rule: after a reversal, the curve is the first one
+scaled by two.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,10 +32,11 @@ from bem.problem import Boundary, Problem, boxed, checked
 if TYPE_CHECKING:
     from bem.contact import Contact
 
-# Relative residual of the linear solve in shear [1]. The stiffness is right to about its square.
+# Relative residual of the linear solve in shear [1]. The relative error of the stiffness is about
+# the square of this residual.
 SHEAR_RTOL = 1e-6
 
-# Largest number of steps of conjugate gradients of this solve.
+# Largest number of steps of conjugate gradients of the linear solve in shear.
 MOST_STEPS = 2000
 
 # Coefficients of friction that are allowed.
@@ -43,7 +47,7 @@ FRICTIONS = Range(0, LARGEST, f"above 0 and below {LARGEST:g}")
 class PartialSlip:
     """A contact that is sheared along one axis, at n shear forces.
 
-    On a free patch shift and stiffness include the deformation of the half-space behind the patch.
+    On a free patch, shift and stiffness include the deformation of the half-space behind the patch.
 
     Attributes
     ----------
@@ -56,7 +60,7 @@ class PartialSlip:
     shears : ndarray, shape (n,)
         Shear forces Q [uN].
     first_stiffness : float
-        Stiffness of the contact at first, where nothing slips [MPa um].
+        Tangential stiffness of the contact before anything slips [MPa um].
     sticking : tuple of Contact
         For each shear force, the contact under the normal load P - Q / f.
     """
@@ -70,15 +74,14 @@ class PartialSlip:
 
     @property
     def _compliance_ratio(self) -> float:
-        """Tangential compliance over the normal one, of the contact at first [1]."""
+        """Tangential compliance over the normal one, before anything slips [1]."""
         return self.contact.stiffness / self.first_stiffness
 
     @property
     def shift(self) -> Values:
         """Tangential displacement of the bodies far from the contact, (n,) [um]."""
-        return (
-            self.friction * self._compliance_ratio * (self.contact.delta - self._deltas)
-        )
+        removed = self.contact.delta - self._deltas
+        return self.friction * self._compliance_ratio * removed
 
     @property
     def _deltas(self) -> Values:
@@ -99,18 +102,19 @@ class PartialSlip:
 
     @property
     def stick_percent(self) -> Values:
-        """Area that sticks in the continuum, as a share of the area of all cells, (n,) [%]."""
+        """Area in the continuum that sticks, as a share of the area of all cells, (n,) [%]."""
         return np.array([stuck.continuum_area_percent for stuck in self.sticking])
 
     @property
     def loss(self) -> Values:
         """Energy that a cycle between Q and -Q dissipates, (n,) [pJ = uN um]."""
         energies = np.array([_complementary_energy(stuck) for stuck in self.sticking])
-        # Integral of Delta over the force between both loads, less that of a straight line.
+        # Integral of Delta over the force between both loads, less that of a straight line: the
+        # area between a curve and its chord, of which Masing's loop has two that are scaled by two.
         bulge = _complementary_energy(self.contact) - energies
         bulge -= (self.contact.delta + self._deltas) / 2 * (self.shears / self.friction)
-        not_below_zero = np.maximum(bulge, 0.0)  # rounding
-        return 8 * self.friction**2 * self._compliance_ratio * not_below_zero
+        bulge = np.maximum(bulge, 0.0)  # below 0 by rounding only
+        return 8 * self.friction**2 * self._compliance_ratio * bulge
 
 
 def partial_slip(
@@ -269,7 +273,7 @@ def shear_stiffness(contact: "Contact", poisson: float, axis: int = 0) -> float:
     touching = contact.pressure > 0
     if not touching.any():
         return 0.0
-    # The punch under a normal load is near the sheared one, but for a factor.
+    # The traction is nearly proportional to the pressure of the normal punch.
     start = np.zeros(touching.shape)
     start[touching] = contact.punch.pressure * (problem.spacing[0] / problem.modulus)
     if problem.boundary == "free":  # the rest of a free patch carries nothing
@@ -332,7 +336,7 @@ def shear_patch_stiffness(problem: Problem, poisson: float, axis: int = 0) -> fl
 def _reduced_patch_stiffness(
     shape: tuple[int, int], aspect: float, poisson: float, axis: int
 ) -> float:
-    """Return the force that shifts all nodes of a free patch by one [E* x second side]."""
+    """Return the stiffness in shear of all nodes of a free patch [E* x second side of a cell]."""
     everywhere = np.ones(shape, dtype=bool)
     normal = flat_punch(shape, HALF_SPACE, aspect)
     sheared = Sheared(everywhere, "free", aspect, poisson, axis)
@@ -364,17 +368,17 @@ class Sheared:
     axis: int
 
     def stiffness(self, start: Values) -> float:
-        """Solve for the traction that shifts the nodes by one, and return its sum.
+        """Solve for the traction that shifts the nodes by one first side of a cell; return its sum.
 
         Parameters
         ----------
         start : ndarray, shape (a,)
-            Traction to start from [E* / first side of a cell].
+            Traction to start from [E*].
 
         Returns
         -------
         float
-            Force per shift [E* x second side of a cell].
+            Sum over the cells, which is the force per shift [E* x second side of a cell].
 
         Raises
         ------
@@ -388,12 +392,12 @@ class Sheared:
         operator = shear_filter(
             (rows, columns), self.boundary, self.aspect, self.poisson, self.axis
         )
-        field = np.zeros((rows, columns))
+        tractions = np.zeros((rows, columns))
 
         def displaced(traction: Values) -> Values:
             """Return the displacements of the nodes by a traction on them, both (a,)."""
-            field[self.sticking] = traction
-            displacement: Values = filtered(operator, field)[self.sticking]
+            tractions[self.sticking] = traction
+            displacement: Values = filtered(operator, tractions)[self.sticking]
             return displacement
 
         nodes = start.size

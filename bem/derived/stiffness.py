@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from bem.active_set import ActiveSet
-from bem.arrays import Nodes, Values
+from bem.arrays import Mask, Nodes, Values
 from bem.bodies import Body
 from bem.far_field import flat_punch
 from bem.iterate import Effort, Iterate
@@ -51,7 +51,7 @@ class Punch:
 
 
 def punch_of(problem: Problem, nodes: Nodes) -> Punch:
-    """Press a flat punch that fills some nodes of a patch into the half-space.
+    """Press a flat punch that fills some nodes of a patch into the body.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     ArithmeticError
         If conjugate gradients do not reach `PUNCH_RTOL`.
     """
-    is_edgeless = problem.boundary != "free"
     if not nodes.size:
         return Punch(stiffness=0.0, pressure=np.zeros(0), residual=0.0, effort=Effort())
+    is_edgeless = problem.boundary != "free"
     is_full = is_edgeless and nodes.size == problem.heights.size
     if is_full and not problem.body.mean_compliance > 0:
         pressure = np.full(nodes.size, np.inf)
@@ -92,14 +92,14 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """The pressure of some nodes that displaces them by given amounts.
+    """A pressure on some nodes that displaces these nodes by wanted amounts.
 
     Attributes
     ----------
     pressure : ndarray, shape (a,)
         Pressure at the a nodes [unit of displacement times E* / first side of a cell].
     residuals : ndarray, shape (a,)
-        Given displacements less those of the pressure [unit of displacement].
+        Wanted displacements less those by the pressure [unit of displacement].
     largest_residual : float
         Largest absolute residual [unit of displacement].
     effort : Effort
@@ -115,7 +115,7 @@ class Pressed:
 def pressed_on(
     problem: Problem, nodes: Nodes, displacement: Values, atol: float
 ) -> Pressed:
-    """Solve for the pressure on some nodes, of any sign, that displaces them by given amounts.
+    """Solve for the pressure of any sign on some nodes that displaces them by wanted amounts.
 
     Parameters
     ----------
@@ -124,7 +124,8 @@ def pressed_on(
     nodes : ndarray, shape (a,)
         Flat indices of at least one node, rising; not all nodes of a patch without edges.
     displacement : ndarray, shape (a,)
-        Displacements of these nodes, the largest near one [any unit of length].
+        Wanted displacements of these nodes, of which the largest is about one
+        [any unit of length].
     atol : float
         Largest absolute residual that is accepted [unit of displacement].
 
@@ -138,11 +139,11 @@ def pressed_on(
     ArithmeticError
         If conjugate gradients do not reach this residual.
     """
-    marked = np.zeros(problem.heights.shape, dtype=bool)
+    marked: Mask = np.zeros(problem.heights.shape, dtype=bool)
     marked.reshape(-1)[nodes] = True
     if problem.boundary == "free":  # the rest of a free patch carries nothing
         marked = marked[boxed(marked)]
-    shape = len(marked), len(marked[0])
+    shape = marked.shape[0], marked.shape[1]
     patch = Patch(shape, problem.boundary, problem.reduced_body, problem.aspect)
     interference = np.zeros(shape)
     interference[marked] = displacement

@@ -320,9 +320,8 @@ def press_one(order: PressingOrder, surface: Path, files: ContactFiles) -> None:
     remark = contacts.border_remark(topography, solved.last, len(rows))
     if remark:
         echo(f"{topography.name}: {remark}")
-    if (
-        limits is not None and len(rows) > 1
-    ):  # the report of one contact has a line for them
+    # The report of a single contact has a line for the limits.
+    if limits is not None and len(rows) > 1:
         echo(f"{topography.name}: limits of the map: {limits.text}")
     record = _record(topography, warnings)
     _write_one(surface, [{**row, **record} for row in rows], files)

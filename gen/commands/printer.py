@@ -484,9 +484,9 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
 
 
 def _line_of_solved_grid(budget: Budget) -> tuple[str, str, str]:
-    """Return the line about the grid on which a contact with asked errors was solved.
+    """Return the label, the value and the unit of the line about the grid that was solved.
 
-    It has a label, a value and a unit.
+    `budget` is that of a contact within errors.
     """
     nx, ny = budget.nodes
     map_nx, map_ny = budget.map_nodes
@@ -561,7 +561,7 @@ def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None
         CONTINUUM_ERROR,
         column,
     }
-    # Files of few instruments state the limits of these.
+    # Few files state the limits of their instruments.
     for name in (CUT_OFF, TIP_RADIUS):
         if all(row.get(name, "") == "" for row in rows):
             hidden.add(name)

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
@@ -164,7 +164,7 @@ def contact(
     files.check(_input_files(surfaces, facing))
     bodies = _bodies(material, layer)
     if bodies.layered is not None:
-        _refuse_with_layer(context)
+        options.refuse(context, options.NOT_WITH_LAYER, "--layer-thickness")
     order = PressingOrder(
         reading=reading,
         boundary=boundary,
@@ -224,41 +224,15 @@ def _elastic_settings(bodies: Bodies) -> dict[str, Any]:
     return {"body": bodies.layered.body}
 
 
-NOT_WITH_LAYER = {
-    "kernel": ("uniform-pressure", "the other one is that of a half-space"),
-    "far_field": ("rigid", "the other one is that of a half-space"),
-    "conductivity": (
-        None,
-        "the conductance follows from the stiffness on half-spaces only",
-    ),
-    "error": ("", "answers within an error are those of half-spaces"),
-    "friction": (None, "partial slip follows from normal contacts on half-spaces only"),
-}
-"""Options that a layer refuses, by their parameters: the value that is allowed, and the reason."""
-
-
-def _refuse_with_layer(context: typer.Context) -> None:
-    """Refuse the options of `gen contact` that do not go with a layer."""
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        if name not in NOT_WITH_LAYER:
-            continue
-        allowed, reason = NOT_WITH_LAYER[name]
-        if (context.params[name] or allowed) != allowed:
-            raise InputError(
-                f"{parameter.opts[0]}: leave it out with --layer-thickness: {reason}"
-            )
-
-
 def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:
-    """Return the values of the option --shear; refuse it without --friction."""
+    """Return the shares of the option --shear; raise InputError if it lacks --friction."""
     if text and friction is None:
         raise InputError("--shear goes with --friction")
     return shear_shares(text)
 
 
 def _refuse_other_bodies(friction: Friction | None, kernel: str, far_field: str) -> None:
-    """Refuse shear of contacts that are not those of half-spaces on a rigid far field."""
+    """Refuse --friction with a --kernel or --far-field that is not the default."""
     if friction is None or (kernel, far_field) == ("uniform-pressure", "rigid"):
         return
     raise InputError(
@@ -389,20 +363,25 @@ def law(
         both_tables=any((files.table, files.json, files.header)),
     )
     _refuse_stick_pressure(order)
-    contact_law, signal = _made(order, context, time_limit)
-    show(contact_law)
-    if signal:
+    made = _made_law(order, context, time_limit)
+    show(made.law)
+    if made.signal:
         echo("interrupted: no file is written", err=True)
-        return 128 + signal
-    for path in write_files(contact_law, files, figure):
+        return 128 + made.signal
+    for path in write_files(made.law, files, figure):
         echo(f"wrote {path}")
     return 0
 
 
-def _made(
-    order: Order, context: typer.Context, time_limit: float | None
-) -> tuple[Law, int]:
-    """Make a law; return it, and the signal that has stopped the means of a population, or 0.
+class _MadeLaw(NamedTuple):
+    """A law, and whether a signal has stopped it."""
+
+    law: Law
+    signal: int = 0  # the signal that has stopped the means of a population; 0 for none
+
+
+def _made_law(order: Order, context: typer.Context, time_limit: float | None) -> _MadeLaw:
+    """Make a law by the solver, or by the means of a population if errors of these were asked for.
 
     `time_limit` is the value of --time-limit [s]. Raises InputError for options that do not go with
     the error of means.
@@ -416,8 +395,8 @@ def _made(
             raise InputError(
                 "--time-limit: needs --error and a scene, whose means it stops"
             )
-        return by_solver(order), 0
-    options.refuse(context, options.NOT_WITH_MEANS)
+        return _MadeLaw(by_solver(order))
+    options.refuse(context, options.NOT_WITH_MEANS, "--error")
     if time_limit is not None and not 0 < time_limit < math.inf:
         raise InputError(f"--time-limit {time_limit:g}: give a number of seconds above 0")
     end = time.monotonic() + (time_limit or math.inf)
@@ -425,7 +404,7 @@ def _made(
         contact_law = by_means(
             order, lambda: interruption.requested() or time.monotonic() > end
         )
-        return contact_law, interruption.signal
+        return _MadeLaw(contact_law, interruption.signal)
 
 
 @grouped

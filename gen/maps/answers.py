@@ -46,7 +46,7 @@ class AnswerOptions:
     conductivities: tuple[float, float] | None = None
     # friction of bodies of like elastic constants, with which shear is computed; None for no shear
     friction: Friction | None = None
-    # Shear forces over the force at which the bodies slide [1], for which the slip is computed.
+    # shear forces over the force at which the bodies slide [1], for which the slip is computed
     shares: tuple[float, ...] = ()
     # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
     # contacts are solved on the coarsest grid that gives them; None for the grid of the map.
@@ -236,9 +236,9 @@ def _about_the_layer(body: Body) -> list[Answer]:
             "base_poisson": body.base.poisson,
         }
     return [
-        Answer(column=column, value=value, label=label, unit=unit)
-        for column, (label, unit) in LAYER_COLUMNS.items()
-        if (value := values.get(column)) is not None
+        Answer(column, values[column], heading.label, heading.unit)
+        for column, heading in LAYER_COLUMNS.items()
+        if column in values
     ]
 
 

@@ -148,7 +148,7 @@ def solve_loads(
 
 @contextmanager
 def _faults_of(topography: Topography) -> Iterator[None]:
-    """Raise InputError with the name of a surface for errors of the solver about its input."""
+    """Turn ValueError and MemoryError of the solver into InputError with the name of a surface."""
     try:
         yield
     except ValueError as error:
@@ -239,7 +239,7 @@ def _contacts_within(
             return surface.solve_within(errors, **one_load)
         except (bem.NotReachable, bem.OutOfRange):
             raise
-        except ArithmeticError as failure:  # of a linear solve for an answer
+        except ArithmeticError as failure:  # a linear solve did not converge
             raise InputError(str(failure)) from None
 
     return map(solved_within, values)

@@ -1,8 +1,8 @@
-"""The limits of a measured map: what no grid of it, and no error of a grid, can tell.
+"""The limits of a measured map, of which neither its contacts nor their errors tell anything.
 
-Waves that a map does not carry are in none of its contacts. `MapLimits` names how many nodes its
-shortest wave has, and what the file says of the instrument: the length below which it resolves
-nothing, and the radius of its tip.
+Waves that a map does not carry are in none of its contacts. `MapLimits` has the number of nodes in
+the shortest wave of the map, and two numbers of the instrument if the file states them: the length
+below which the instrument resolves nothing, and the radius of its tip.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from gen.runtime.documents import Row
 
 if TYPE_CHECKING:
@@ -18,30 +20,37 @@ if TYPE_CHECKING:
     from gen.maps.scan import Instrument
 
 
+NODES_A_WAVE = "map_nodes_a_wave"
+"""Name of the column with the number of nodes in the shortest wave of a map [1]."""
+
+CUT_OFF = "instrument_cut_off_um"
+TIP_RADIUS = "instrument_tip_radius_um"
+"""Names of the columns with the limits of the instrument [um]."""
+
+
 @dataclass(frozen=True)
 class MapLimits:
     """The limits of a map."""
 
-    nodes_a_wave: (
-        float  # nodes in the shortest wave that carries roughness [1]; NaN without waves
-    )
+    # Nodes in the shortest wave that carries roughness [1]; NaN without waves.
+    nodes_a_wave: float
     instrument: Instrument  # limits of the instrument, as far as the file states them
 
     @property
     def columns(self) -> Row:
-        """The limits by the names of their columns; "" for one that is not known."""
-        limits = {
-            NODES_A_WAVE: None if math.isnan(self.nodes_a_wave) else self.nodes_a_wave,
-            CUT_OFF: self.instrument.cut_off,
-            TIP_RADIUS: self.instrument.tip_radius,
-        }
-        return {
-            column: "" if limit is None else limit for column, limit in limits.items()
-        }
+        """The limits by the names of their columns; "" for a limit that is not known."""
+        row: Row = dict.fromkeys((NODES_A_WAVE, CUT_OFF, TIP_RADIUS), "")
+        if not math.isnan(self.nodes_a_wave):
+            row[NODES_A_WAVE] = self.nodes_a_wave
+        if self.instrument.cut_off is not None:
+            row[CUT_OFF] = self.instrument.cut_off
+        if self.instrument.tip_radius is not None:
+            row[TIP_RADIUS] = self.instrument.tip_radius
+        return row
 
     @property
     def remark(self) -> str:
-        """What the number of nodes is, and the limits of the instrument if they are known."""
+        """The words behind the number of nodes, and the limits of the instrument if known."""
         remark = "nodes in its shortest wave"
         if math.isnan(self.nodes_a_wave):
             remark = "no wave"
@@ -71,20 +80,11 @@ class MapLimits:
         MapLimits
             The fewer nodes in a wave, and the larger lengths of the instruments.
         """
-        nodes = min(
-            self.nodes_a_wave,
-            other.nodes_a_wave,
-            key=lambda number: math.inf if math.isnan(number) else number,
+        # `fmin` ignores a map without waves.
+        nodes = float(np.fmin(self.nodes_a_wave, other.nodes_a_wave))
+        return MapLimits(
+            nodes_a_wave=nodes, instrument=self.instrument.or_worse(other.instrument)
         )
-        return MapLimits(nodes, self.instrument.or_worse(other.instrument))
-
-
-NODES_A_WAVE = "map_nodes_a_wave"
-"""Name of the column with the number of nodes in the shortest wave of a map [1]."""
-
-CUT_OFF = "instrument_cut_off_um"
-TIP_RADIUS = "instrument_tip_radius_um"
-"""Names of the columns with the limits of the instrument [um]."""
 
 
 def limits_of(topography: Topography) -> MapLimits:

@@ -12,7 +12,6 @@ import scipy.special
 import bem
 from bem import HalfSpace, Layered
 from bem.bodies import HALF_SPACE, ConcentratedForces
-from bem.derived.slip import partial_slip
 from bem.influence import InfluenceMatrix, influence_coefficients
 from bench.references import dense
 from bench.references.edgeless import Patch
@@ -100,10 +99,8 @@ def test_the_compliance_of_a_layer_is_that_of_elasticity(seed):
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49, 0.5])
 def test_a_layer_on_a_rigid_base_is_the_closed_form(poisson):
     """Johnson 1985, section 5.8; thin incompressible ones, where it cancels, by its first term."""
-    body, depths = (
-        Layered(1.0, 1 - poisson**2, poisson, "rigid"),
-        np.array([0.06, 0.6, 6.0]),
-    )
+    body = Layered(1.0, 1 - poisson**2, poisson, "rigid")
+    depths = np.array([0.06, 0.6, 6.0])
     kappa = 3 - 4 * poisson
     closed = kappa * np.sinh(2 * depths) - 2 * depths
     closed /= (
@@ -175,9 +172,9 @@ def test_a_given_delta_on_a_rigid_base_gives_the_load_of_that_delta(load):
     assert by_delta.mean_gap == pytest.approx(by_force.mean_gap, abs=1e-8)
     step = 1e-4 * contact.delta
     further = solve(body, delta=contact.delta + step, rtol=1e-10)
-    if further.contact_nodes == by_delta.contact_nodes:
-        slope = (further.force - by_delta.force) / step
-        assert by_delta.loading_stiffness == pytest.approx(slope, rel=1e-3)
+    assert further.contact_nodes == by_delta.contact_nodes
+    slope = (further.force - by_delta.force) / step
+    assert by_delta.loading_stiffness == pytest.approx(slope, rel=1e-3)
 
 
 @pytest.mark.parametrize("base", ["rigid", HalfSpace(30.0, 0.2), HalfSpace(0.02, 0.2)])
@@ -452,42 +449,24 @@ def test_a_layered_contact_has_no_conductance():
         contact.interface_conductance(1.0, 1.0)
 
 
-@pytest.mark.parametrize("of", ["force", "mean_gap"])
-def test_gradients_on_a_rigid_base_are_differences(of):
-    body, heights = Layered(4.0, 1.0, 0.3, "rigid"), rough(12, 5)
-    contact = solve(body, heights=heights, delta=1.5, rtol=1e-11)
-    gradient, step = contact.gradient(of), 1e-5
-    for node in (np.flatnonzero(contact.pressure)[2], 0, 77):
-        moved = []
-        for sign in (1, -1):
-            changed = heights.copy()
-            changed.flat[node] += sign * step
-            answer = solve(body, heights=changed, delta=1.5, rtol=1e-11)
-            moved.append(getattr(answer, of))
-        assert gradient.flat[node] == pytest.approx(
-            (moved[0] - moved[1]) / (2 * step), rel=1e-4, abs=1e-7
-        )
-
-
-def test_partial_slip_on_layers_is_refused():
-    contact = solve(Layered(1.0, 1.0, 0.3, BASE), pressure=0.1)
-    with pytest.raises(ValueError, match="half-spaces only"):
-        partial_slip(contact, 0.3, [0.1 * contact.force], poisson=0.3)
-
-
 @pytest.mark.long
 def test_hard_layers_take_a_bounded_number_of_convolutions():
-    body = Layered(2.0, 100.0, 0.3, HalfSpace(1.0, 0.3))
-    convolutions = []
+    base = HalfSpace(1.0, 0.3)
+    body = Layered(2.0, 100.0, 0.3, base)
+    on_layers = []
+    on_half_spaces = []
     for seed in range(16):
         heights = rough(128, seed)
         slope = float(np.diff(heights, axis=0).std())
         share = 10 ** np.random.default_rng(seed).uniform(-0.3, 1.5)
-        contact = bem.solve(
-            heights, 128.0, pressure=share * slope, body=body, boundary="periodic"
-        )
-        convolutions.append(contact.convolutions)
-    assert np.median(convolutions) <= 150
+        settings = {"pressure": share * slope, "boundary": "periodic"}
+        contact = bem.solve(heights, 128.0, body=body, **settings)
+        on_layers.append(contact.convolutions)
+        settings["pressure"] /= body.modulus / base.modulus
+        contact = bem.solve(heights, 128.0, body=base, **settings)
+        on_half_spaces.append(contact.convolutions)
+    assert np.median(on_layers) <= 150
+    assert np.median(on_half_spaces) <= 15
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
