@@ -1,8 +1,8 @@
-"""Errors that a law is asked for: its bands, its columns, and what its files say of them.
+"""Errors that a law is asked for: the bands, columns and notes about them.
 
 With --error each contact of a law is solved on the coarsest grid of its surface that gives the
-answers within these errors (`bem.accuracy`), and has a budget of its own. A mean over surfaces is
-as good as its worst surface, and a law as its worst load.
+answers within these errors (`bem.accuracy`), and has a budget of its own. Columns about several
+surfaces have the largest error of the surfaces, and notes the largest error over all loads.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ from gen.quantities import (
     CLOSURE,
     CONDUCTANCE,
     DELTA,
-    FORCE,
     IN_LAWS,
     LOADS,
     PRESSURE,
@@ -68,7 +67,7 @@ def with_bands(points: Points, errors: Errors, load: Load) -> Points:
     Returns
     -------
     Points
-        Points whose intervals follow from the errors, and no others.
+        Points with the intervals of these errors in place of any others.
     """
     low: dict[str, Values] = {}
     high: dict[str, Values] = {}
@@ -82,8 +81,9 @@ def with_bands(points: Points, errors: Errors, load: Load) -> Points:
 def _half_widths(points: Points, errors: Errors, load: Load) -> dict[str, Values]:
     """Return the half-widths of bands by the names of quantities in laws, each (k,).
 
-    What the half-space behind a free patch gives way is no part of its closure and its stiffness:
-    their relative errors are larger than those of Delta and of the whole stiffness.
+    Closure and stiffness are those of the interface, without the half-space behind a free patch.
+    Delta and the whole stiffness, of which errors are known, include the half-space. The relative
+    errors of closure and stiffness are therefore larger than theirs.
     """
     values = points.values
     relative_errors = {LOADS[load].in_laws: np.zeros(values[DELTA.in_laws].size)}
@@ -95,29 +95,45 @@ def _half_widths(points: Points, errors: Errors, load: Load) -> dict[str, Values
         for column, errors_of_loads in relative_errors.items()
         if column in values and errors_of_loads.any()
     }
-    given_way = (
-        values[DELTA.in_laws] - values[CLOSURE.in_laws]
-    )  # behind a free patch [um]
+    # Displacement of the half-space behind a free patch [um].
+    of_half_space = values[DELTA.in_laws] - values[CLOSURE.in_laws]
     if STIFFNESS.in_laws in half_widths:
         with np.errstate(divide="ignore", invalid="ignore"):  # without a load
-            compliance = np.nan_to_num(given_way / values[PRESSURE.in_laws])
+            compliance = np.nan_to_num(of_half_space / values[PRESSURE.in_laws])
         half_widths[STIFFNESS.in_laws] *= 1 + compliance * values[STIFFNESS.in_laws]
     if DELTA.in_laws in relative_errors and PRESSURE.in_laws in relative_errors:
         half_widths[CLOSURE.in_laws] = (
             relative_errors[DELTA.in_laws] * values[DELTA.in_laws]
-            + relative_errors[PRESSURE.in_laws] * given_way
+            + relative_errors[PRESSURE.in_laws] * of_half_space
         )
     return half_widths
 
 
+def quantity_in_law(name: str) -> Quantity:
+    """Return the quantity of laws that an error is about.
+
+    Parameters
+    ----------
+    name : str
+        Name of an answer in `bem.accuracy.ANSWERS`.
+
+    Returns
+    -------
+    Quantity
+        The quantity; for "stiffness" that of the interface.
+    """
+    return STIFFNESS if name == "stiffness" else quantity_of(name)
+
+
 def _quantities_of(name: str) -> tuple[Quantity, ...]:
     """Return the quantities of laws that have the relative error of an answer."""
+    quantity = quantity_in_law(name)
     match name:
         case "stiffness":
-            return STIFFNESS, CONDUCTANCE
+            return quantity, CONDUCTANCE
         case "force":
-            return FORCE, PRESSURE
-    return (quantity_of(name),)
+            return quantity, PRESSURE
+    return (quantity,)
 
 
 def _relative_errors(points: Points, name: str) -> Values:
@@ -200,7 +216,7 @@ def cells(table: Curves, place: int, errors: Errors, surfaces: int) -> Row:
         `gen.maps.accuracy`. Of several surfaces they are the coarsest grid and the largest errors,
         and each surface has columns of its own. All are "" at first touch.
     """
-    budgets: tuple[Budget, ...] = ()
+    budgets: tuple[Budget, ...] = ()  # of each surface
     if table.budgets:  # a table of first touch alone has none
         budgets = table.budgets[place]
     row = _cells(budgets, errors)
@@ -235,7 +251,8 @@ def shown_cells(row: Row) -> list[str]:
     Returns
     -------
     list of str
-        Nodes as "64 x 64", then the errors with two digits, by the columns of `shown_columns`.
+        Nodes as "64 x 64", then the errors with two digits, in the order of `shown_columns`; "-"
+        at first touch.
     """
     if row[NODES_X] == "":
         return ["-" for _ in shown_columns(row)]
@@ -288,14 +305,14 @@ def notes(
             f" itself; {parts_in_words(parts)}"
         )
     yield _grids_in_words(budgets)
-    exact = {*errors}
+    known = {*errors}  # answers whose errors were asked for, or are 0
     if "delta" not in loads:
-        exact.add("force")  # pressures are given
+        known.add("force")  # pressures are given
     if "pressure" not in loads:
-        exact.add("delta")
-    others = [_with_followers(name) for name in ANSWERS if name not in exact]
-    if others:
-        yield f"no error was asked for of {', '.join(others)}"
+        known.add("delta")
+    unknown = [_with_followers(name) for name in ANSWERS if name not in known]
+    if unknown:
+        yield f"no error was asked for of {', '.join(unknown)}"
 
 
 def _with_followers(name: str) -> str:
@@ -309,7 +326,7 @@ def _with_followers(name: str) -> str:
 
 
 def _grids_in_words(budgets: Sequence[Budget]) -> str:
-    """Say which are the coarsest and the finest grid, and how many nodes the largest map has."""
+    """Return the nodes of the coarsest and of the finest solved grid, and of the largest map."""
     # Without a load nothing is solved.
     grids = [budget.nodes for budget in budgets if budget.trials]
     coarsest = _size(min(grids, key=math.prod, default=(0, 0)))
@@ -356,12 +373,12 @@ def _size(nodes: tuple[int, int]) -> str:
     return f"{nodes[0]} x {nodes[1]}"
 
 
-def all_in_all(
+def deviations_with_errors(
     tables: Sequence[Curves | None],
     errors: Errors,
     deviations: Mapping[str, Deviation],
 ) -> str:
-    """Say how far curves between the points of a law are off, the errors of the points included.
+    """Add the errors of the points of a law to the distances of its curves, and say the sums.
 
     Parameters
     ----------
@@ -380,12 +397,11 @@ def all_in_all(
     errors_of_functions: dict[str, float] = {}
     budgets = _budgets([table for table in tables if table is not None])
     for answer, parts in worst_parts(budgets, errors).items():
-        if (
-            answer == "force"
-        ):  # a pressure over the closure has the error of the closure instead
+        # A curve of the pressure over the closure has the error of the closure instead.
+        if answer == "force":
             continue
         for quantity in _quantities_of(answer):
-            assert quantity.law is not None  # it is a quantity of laws
+            assert quantity.law is not None  # as of all quantities of laws
             errors_of_functions[quantity.law.short] = parts.total
     texts: list[str] = []
     for name, deviation in deviations.items():
@@ -399,7 +415,7 @@ def all_in_all(
 
 
 def limits_in_words(limits: Sequence[MapLimits]) -> str:
-    """Say what the limits of the maps of a law are.
+    """Write the limits of the maps of a law in a line.
 
     Parameters
     ----------
@@ -409,7 +425,7 @@ def limits_in_words(limits: Sequence[MapLimits]) -> str:
     Returns
     -------
     str
-        One line; of several maps with the fewest nodes and the largest lengths.
+        One line; for several maps it has the worst of each limit.
     """
     if len(limits) == 1:
         return f"limits of the map: {limits[0].text}"

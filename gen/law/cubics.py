@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law.accuracy import all_in_all
+from gen.law.accuracy import deviations_with_errors
 from gen.law.between import in_range
 from gen.law.contact_law import Law
 from gen.law.curves import APART, Curves, slopes, trend
@@ -382,7 +382,7 @@ def _cubics_in_words(law: Law, functions: Iterable[Function]) -> str:
             law.between_deltas,
             law.between_pressures,
         )
-        together = all_in_all(tables, law.order.errors, deviations)
+        together = deviations_with_errors(tables, law.order.errors, deviations)
     return (
         f"The cubics go through the loads of the law. {off},"
         f" {in_words(deviations)}.{falling}{together}"

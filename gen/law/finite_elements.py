@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law.accuracy import all_in_all
+from gen.law.accuracy import deviations_with_errors
 from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
 from gen.law.curves import risen, trend
@@ -561,7 +561,7 @@ def _lines_in_words(law: Law, side: str, deviations: Mapping[str, Deviation]) ->
     together = ""
     if law.order.errors is not None:
         tables = (law.over_pressure, law.between_pressures, law.checks)
-        together = all_in_all(tables, law.order.errors, deviations)
+        together = deviations_with_errors(tables, law.order.errors, deviations)
     return f"The table is straight between its points. {largest}{together}"
 
 

@@ -64,13 +64,14 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     Returns
     -------
     Law
-        The law, with `sampled`.
+        The law, whose attribute `sampled` has the errors of the means and the numbers of surfaces.
 
     Raises
     ------
     InputError
         If there are further inputs beside the scene; if the scene, a load or an error cannot be
-        used; if the errors are not reachable; or if no load was solved on every surface.
+        used; if the errors are not reachable; if the sampling had to stop before two surfaces were
+        solved; or if no load was solved on every surface.
     """
     errors = dict(order.errors or {})
     loads = order.loads()
@@ -159,7 +160,7 @@ def _with_other_table(sampler: Sampler) -> Layout:
     if not missing:
         return layout
     [load] = missing
-    [given] = layout.loads
+    [other] = layout.loads
     if not sampler.order.both_tables:
         return Layout(layout.quantities, {**layout.loads, load: np.empty(0)})
     coarsest = sampler.nested_grids()[0]
@@ -168,8 +169,8 @@ def _with_other_table(sampler: Sampler) -> Layout:
         level.samples.append(sampler.sample(number, coarsest, None))
     sampler.doubts.clear()  # the first surfaces are solved again, on all grids
     row = layout.quantities.index(IN_LAWS[ARGUMENTS[load]])
-    mean = layout.by_quantity(level.values.mean(axis=0))[row, layout.places(given)]
-    means = np.sort(mean[np.isfinite(mean)])
+    answers = layout.by_quantity(level.values.mean(axis=0))[row, layout.places(other)]
+    means = np.sort(answers[np.isfinite(answers)])
     means = means[risen(means)]
     if load == "pressure" and sampler.bodies.hardness is not None:
         means = means[means < (1 - APART) * sampler.bodies.hardness]
@@ -177,7 +178,7 @@ def _with_other_table(sampler: Sampler) -> Layout:
 
 
 def _remarks(sampled: SampledMeans) -> list[str]:
-    """Return lines about the errors and the numbers of surfaces."""
+    """Return lines about the errors and the numbers of surfaces, after a warning if it stopped."""
     lines = [*sampled.left, sampled.grids_in_words]
     if not sampled.is_met:
         lines.insert(
@@ -214,7 +215,7 @@ def _tables(
 
 def _at_rest(sampled: SampledMeans, layout: Layout) -> dict[str, float]:
     """Return the means at first touch by names in laws."""
-    table = sampled.tables[DELTA.in_laws]  # it begins there
+    table = sampled.tables[DELTA.in_laws]  # it begins at first touch
     return {
         quantity.in_laws: float(table.by_quantity[quantity.in_laws].mean[0])
         for quantity in layout.quantities
@@ -241,5 +242,6 @@ def _budgets(
             convolutions=sampled.convolutions * work(sampled.nodes) / work(finest.nodes),
             work=sampled.convolutions,
         )
-        budgets.append(Budget(sampled.nodes, search.sampler.tolerance, (trial,)))
+        budget = Budget(sampled.nodes, search.sampler.tolerance, trials=(trial,))
+        budgets.append(budget)
     return tuple(budgets)

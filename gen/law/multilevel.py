@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from bem.accuracy import OF_DROPPED
@@ -35,14 +36,15 @@ PILOT = 8
 """Surfaces on each grid before the numbers are chosen: their scatter tells how many are needed."""
 
 PILOT_OF_FINER = 5
-"""The same on a finer grid that is taken because it is needed, where surfaces cost more."""
+"""First surfaces on a finer grid that is taken later, because the errors need it. They are fewer,
+because surfaces cost more there."""
 
 PARTS_OF_BIAS = (0.35, 0.5, math.sqrt(0.5))
-"""Parts of an error that grid, dropped waves and solver may use up, of which the cheapest is taken
-[1]. The last one is half of the squared error (Giles 2008)."""
+"""Parts of a largest error that grid, dropped waves and solver together may make [1]. The part is
+taken that costs least. The last one is half of the squared error (Giles 2008)."""
 
 LARGEST_BIAS = 0.95
-"""A further such part where there is no finer grid that could reduce them [1]."""
+"""The largest part that they may make if there is no finer grid, which would reduce it [1]."""
 
 GROWTH = 3
 """Largest factor by which the number of surfaces on a grid grows before scatter and cost are
@@ -73,7 +75,7 @@ class Sample:
     coarser_cost : float
         Cost of the contacts on the coarser grid, in the same unit [1].
     convolutions : float
-        Convolutions of all contacts, in the same unit [1].
+        Convolutions of the contacts on both grids, in the same unit [1].
     """
 
     values: Values
@@ -101,7 +103,7 @@ class Level:
     samples: list[Sample] = field(default_factory=list)
 
     @property
-    def number(self) -> int:
+    def surface_count(self) -> int:
         """Number of surfaces."""
         return len(self.samples)
 
@@ -148,6 +150,7 @@ class Level:
             for sample in self.samples
             if sample.coarser_values is not None
         ]
+        # Without pairs the array has this shape, too.
         return np.array(pairs).reshape(len(pairs), 2, self.samples[0].values.size)
 
 
@@ -189,6 +192,28 @@ class Means:
     def total(self) -> Values:
         """Roots of the sums of the squares of all parts, (m,)."""
         return np.sqrt(self.surfaces**2 + self.bias**2)
+
+    def chosen(self, places: NDArray[np.int64]) -> Means:
+        """Return some of the means.
+
+        Parameters
+        ----------
+        places : ndarray of int, shape (k,)
+            Indices of these means.
+
+        Returns
+        -------
+        Means
+            k means and their errors, in this order.
+        """
+        return Means(
+            mean=self.mean[places],
+            standard_error=self.standard_error[places],
+            surfaces=self.surfaces[places],
+            grid=self.grid[places],
+            waves=self.waves[places],
+            solver=self.solver[places],
+        )
 
 
 def students(freedom: Values | float, level: float = LEVEL) -> Values:
@@ -238,10 +263,11 @@ def means_of(levels: Sequence[Level], tolerance: float) -> Means:
     finest = levels[-1].samples
     dropped = float(np.mean([sample.waves_dropped for sample in finest]))
     grid = _error_of_grid(levels)
-    # An answer that is the same on all surfaces and grids is given, as Delta is.
+    # An answer that is the same on all surfaces and grids is a given load, and is exact.
     is_given = (variance == 0) & (grid == 0)
     scale = np.where(is_given, 0.0, np.abs(mean))
-    grid[mean == 0] = math.inf  # as of an area where no spot is as large as a cell
+    # A mean of 0, as of an area in spots smaller than a cell, tells nothing of that on finer grids.
+    grid[mean == 0] = math.inf
     return Means(
         mean=mean,
         standard_error=standard_error,
@@ -256,7 +282,7 @@ def means_of(levels: Sequence[Level], tolerance: float) -> Means:
 class _Part:
     """Mean answers on the coarsest grid, or mean corrections to a finer one, each (m,)."""
 
-    number: int  # surfaces
+    number: int  # of surfaces
     mean: Values
     variance: Values  # over the surfaces
 
@@ -283,12 +309,12 @@ def _parts_of_means(levels: Sequence[Level]) -> list[_Part]:
 
 
 def _error_of_grid(levels: Sequence[Level]) -> Values:
-    """Return bounds of the errors of the finest grid, (m,).
+    """Return bounds of the errors of the finest grid, (m,); infinite without two corrections.
 
-    What is left of an error is at most the last correction if errors fall in proportion to the
-    spacing or faster. It is more where the slopes converge more slowly. The last correction is
-    known up to its own interval. By chance it may be small: the half of the correction before it is
-    a bound from below.
+    The error that is left is at most the last correction if errors fall in proportion to the
+    spacing or faster, and larger if the slopes converge more slowly. The upper end of the interval
+    of the last correction is taken. As this correction may be small by chance, at least half of the
+    correction before it is taken.
     """
     finest = levels[-1]
     if len(finest.corrections) < 2:
@@ -307,8 +333,19 @@ def _least_removed(levels: Sequence[Level]) -> Values:
 
 
 def _reach(part: _Part) -> Values:
-    """Return by how much a mean may be larger, with a probability of 95 % on one side, (m,)."""
+    """Return by how much the true mean may be larger, one-sided at 95 %, (m,)."""
     return students(part.number - 1, 2 * LEVEL - 1) * np.sqrt(part.variance_of_mean)
+
+
+def _lower_end(level: Level) -> Values:
+    """Return the lower ends of the intervals of a level's corrections in size, (m,).
+
+    They are NaN without two corrections.
+    """
+    if len(level.corrections) < 2:
+        return np.full(level.samples[0].values.shape, math.nan)
+    part = _Part.of(level.corrections)
+    return np.abs(part.mean) - _reach(part)
 
 
 def remaining_error(level: Level) -> float:
@@ -339,12 +376,12 @@ class Sampling:
     Attributes
     ----------
     coarsest : int
-        Index of the coarsest grid that is worth its samples; coarser ones are left out.
+        Index of the coarsest grid that is worth its samples. Means leave out coarser grids.
     numbers : tuple of int
-        Number of surfaces on each grid, from `coarsest` on.
+        Number of all surfaces on each grid, from `coarsest` to the finest one.
     cost : float
         Cost of the further surfaces until all errors are met, in convolutions on the grid of the
-        scene [1].
+        scene [1]; infinite if it is not known.
     """
 
     coarsest: int
@@ -390,8 +427,8 @@ class Planner:
     ) -> Step:
         """Choose the next step from the samples that there are.
 
-        A finer grid is taken where its first surfaces, and the further ones that are needed then,
-        are expected to cost less than to reach the errors with the grids that there are.
+        A finer grid is taken if its first surfaces and all further surfaces are then expected to
+        cost less than the further surfaces without this grid.
 
         Parameters
         ----------
@@ -413,12 +450,9 @@ class Planner:
         parts: tuple[float, ...] = PARTS_OF_BIAS
         if cost_of_finer is None:
             parts = (*PARTS_OF_BIAS, LARGEST_BIAS)
-        plans = [
-            plan
-            for part in parts
-            if (plan := self._plan(levels, means, part * largest, largest)) is not None
-        ]
-        best = min(plans, key=lambda plan: plan.cost, default=None)
+        plans = [self._plan(levels, means, part * largest, largest) for part in parts]
+        possible_plans = [plan for plan in plans if plan is not None]
+        best = min(possible_plans, key=lambda plan: plan.cost, default=None)
         if cost_of_finer is not None:
             # The bias is expected to fall in proportion to the spacing.
             left = _left_for_surfaces(means.bias / 2, largest)
@@ -429,7 +463,7 @@ class Planner:
             return self._more_for_bias(levels, means, largest)
         kept = levels[best.coarsest :]
         numbers = [
-            min(max(number, level.number), GROWTH * level.number)
+            min(max(number, level.surface_count), GROWTH * level.surface_count)
             for number, level in zip(best.numbers, kept, strict=True)
         ]
         return replace(best, numbers=tuple(numbers))
@@ -437,7 +471,7 @@ class Planner:
     def _plan(
         self, levels: Sequence[Level], means: Means, for_bias: Values, largest: Values
     ) -> Sampling | None:
-        """Return the numbers of surfaces with which all errors are met, None if there are none.
+        """Return the numbers of surfaces with which all errors are met; None if no numbers do.
 
         Grid, dropped waves and solver may have errors up to `for_bias`, (m,), and all parts
         together up to `largest`, (m,).
@@ -449,7 +483,7 @@ class Planner:
         plan = _cheapest(levels, means, _left_for_surfaces(bias, largest))
         finest = levels[-1]
         on_finest = max(plan.numbers[-1], math.ceil(number))
-        further = on_finest - max(plan.numbers[-1], finest.number)
+        further = on_finest - max(plan.numbers[-1], finest.surface_count)
         return Sampling(
             coarsest=plan.coarsest,
             numbers=(*plan.numbers[:-1], on_finest),
@@ -459,26 +493,23 @@ class Planner:
     def _more_for_bias(
         self, levels: Sequence[Level], means: Means, largest: Values
     ) -> Sampling | Unreachable:
-        """Return more surfaces on the finest grids, if these may show that their error is smaller.
+        """Ask for more surfaces on the finest two grids, which may show a smaller error.
 
-        It is `Unreachable` if even the lower ends of the intervals of the last corrections are too
-        large.
+        The step is `Unreachable` if the error is too large even with the lower ends of the
+        intervals of the last two corrections.
         """
         remaining = remaining_error(levels[-1])
-        removed = np.zeros(largest.shape)
-        finest = levels[-2:]
-        for level, share in zip(finest, (0.5, 1.0)[-len(finest) :], strict=True):
-            if len(level.corrections) < 2:
-                continue
-            part = _Part.of(level.corrections)
-            removed = np.fmax(removed, share * (np.abs(part.mean) - _reach(part)))
+        removed = np.fmax(0.0, _lower_end(levels[-1]))
+        if len(levels) > 1:
+            # Half of the correction before is the least that is taken for the last one.
+            removed = np.fmax(removed, 0.5 * _lower_end(levels[-2]))
         with np.errstate(invalid="ignore"):
             bias = np.hypot(remaining * removed, np.hypot(means.waves, means.solver))
         counted = np.isfinite(largest)
         never = (bias > LARGEST_BIAS * largest) | (means.mean == 0)
         if len(levels[-1].corrections) < 2 or never[counted].any():
             return Unreachable()
-        numbers = [level.number for level in levels]
+        numbers = [level.surface_count for level in levels]
         for index in range(max(len(levels) - 2, 0), len(levels)):
             numbers[index] *= GROWTH
         return Sampling(coarsest=0, numbers=tuple(numbers), cost=math.inf)
@@ -505,15 +536,16 @@ class Planner:
     def _number_for_bias(
         self, levels: Sequence[Level], means: Means, largest: Values
     ) -> float:
-        """Return the surfaces on the finest grid with which its error is known to be small enough.
+        """Return the number of surfaces on the finest grid that shows its error to be small enough.
 
-        It is infinite where the error itself is too large, whatever the number. `largest` are the
-        largest errors of grid, dropped waves and solver together, (m,).
+        More surfaces make the interval of the last correction shorter. The number is infinite if
+        the error is too large even without this interval. `largest` has the largest errors of grid,
+        dropped waves and solver together, (m,).
         """
         finest = levels[-1]
         too_large = means.bias > largest
         if not too_large.any():
-            return finest.number
+            return finest.surface_count
         if len(finest.corrections) < 2:
             return math.inf
         last = _Part.of(finest.corrections)
@@ -524,16 +556,18 @@ class Planner:
             factors = (remaining * _reach(last) / allowed) ** 2
             never = ~(allowed > 0) | (remaining * _least_removed(levels) > of_grid)
         factors[never | (means.mean == 0)] = math.inf
-        return float(finest.number * max(np.max(factors[too_large]), 1.0))
+        return float(finest.surface_count * max(np.max(factors[too_large]), 1.0))
 
 
 def _left_for_surfaces(bias: Values, largest: Values) -> Values:
     """Return the squares of the errors that the finite number of surfaces may make, (m,).
 
-    Where the bias is almost as large as the largest error, or larger, it is taken to become smaller
-    by further surfaces on the finest grid.
+    A bias above `LARGEST_BIAS` of the largest error is replaced by this: further surfaces on the
+    finest grid will reduce it.
     """
-    with np.errstate(invalid="ignore"):  # infinite errors of what was not asked for
+    with np.errstate(
+        invalid="ignore"
+    ):  # answers without an asked error have infinite ones
         left = largest**2 - bias**2
     return np.fmax(left, (1 - LARGEST_BIAS**2) * largest**2)
 
@@ -541,7 +575,7 @@ def _left_for_surfaces(bias: Values, largest: Values) -> Values:
 def _cheapest(levels: Sequence[Level], means: Means, left: Values) -> Sampling:
     """Return the coarsest grid that is worth its samples, and the numbers that cost least.
 
-    `left` are the squares of the largest errors that the finite number of surfaces may make, (m,).
+    `left` has the squares of the largest errors that the finite number of surfaces may make, (m,).
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         factors = means.surfaces / means.standard_error
@@ -551,7 +585,7 @@ def _cheapest(levels: Sequence[Level], means: Means, left: Values) -> Sampling:
     numbers = _numbers(kept, largest_variance)
     costs = _costs(kept)
     cost = sum(
-        max(number - level.number, 0) * cost
+        max(number - level.surface_count, 0) * cost
         for number, level, cost in zip(numbers, kept, costs, strict=True)
     )
     return Sampling(coarsest, tuple(numbers), cost)
@@ -566,8 +600,8 @@ def _costs(levels: Sequence[Level]) -> list[float]:
 def _coarsest_worth_it(levels: Sequence[Level], largest_variance: Values) -> int:
     """Return the index of the coarsest grid with which means cost less than without it.
 
-    Two grids are compared by the surfaces that were solved on both, whose answers scatter alike.
-    The finest grid keeps its corrections, which tell its error.
+    The costs follow from the surfaces that were solved on this grid and on the next finer one. The
+    last two grids are always kept, because the corrections between them tell the error of the grid.
     """
     for coarser in range(len(levels) - 2):
         finer = levels[coarser + 1]
@@ -586,16 +620,17 @@ def _coarsest_worth_it(levels: Sequence[Level], largest_variance: Values) -> int
 
 
 def _numbers(levels: Sequence[Level], largest_variance: Values) -> list[int]:
-    """Return the numbers of surfaces on each grid that give means with the largest variances, (m,).
+    """Return the number of surfaces on each grid with which no mean has a larger variance.
 
-    For each answer the numbers are those that cost least; each grid takes the largest of them.
+    `largest_variance` has the variances that are allowed, (m,). For each answer the numbers are
+    those that cost least; each grid takes the largest of them.
     """
     parts = _parts_of_means(levels)
     costs = np.array(_costs(levels))
     variances = np.array([part.variance for part in parts])
     counted = np.isfinite(largest_variance) & np.isfinite(variances).all(axis=0)
     if not counted.any():
-        return [level.number for level in levels]
+        return [level.surface_count for level in levels]
     variances = variances[:, counted]
     sums = (np.sqrt(variances) * np.sqrt(costs)[:, None]).sum(axis=0)
     numbers = np.sqrt(variances / costs[:, None]) * sums / largest_variance[counted]

@@ -1,10 +1,11 @@
 """The population of a scene, sampled on nested grids until the means of a law are within errors.
 
-Each surface of the scene is made on its own grid and read on coarser ones of the same patch, with
-the waves that these have and with its own datum (`bem.coarsening`). Samples are taken and judged as
-`gen.law.multilevel` says. Surfaces are numbered as in a database of the scene, and each number is
-used once. Which surfaces are taken follows from their answers and from numbers of convolutions,
-never from times: the same command takes the same surfaces everywhere.
+Each surface is made on the grid of the scene and read on coarser grids of the same patch, with the
+waves that these can carry. Its datum is the highest node on the grid of the scene, on all grids
+(`bem.coarsening`). `gen.law.multilevel` chooses and judges the samples. Surfaces are numbered as in
+a database of the scene, and each number is used once. The choice of the surfaces follows from their
+answers and from counts of convolutions, never from times: the same command takes the same surfaces
+on all machines.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from bem.problem import NoSolution, Problem, under_load
 from bem.solving import solve_posed
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts
+from gen.law.accuracy import quantity_in_law
 from gen.law.multilevel import (
     LARGEST_BIAS,
     PILOT,
@@ -44,7 +46,7 @@ from gen.law.order import Load, Order
 from gen.law.surfaces import LawSurface, surfaces_of_scene
 from gen.maps.accuracy import parts_in_words, percent, quantity_of
 from gen.material import Bodies
-from gen.quantities import LOADS, STIFFNESS, Quantity
+from gen.quantities import LOADS, Quantity
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 
@@ -58,35 +60,19 @@ FIRST_LEVELS = 3
 """Number of grids that are sampled before a finer one is taken only if it is needed."""
 
 FEWEST_OF_MANY = 32
-"""Fewest nodes along an axis where more than `FIRST_LEVELS` grids have as many: contacts on smaller
+"""Fewest nodes along an axis of grids beyond the `FIRST_LEVELS` finest ones: contacts on smaller
 grids take hardly less time."""
 
 OF_SURFACE = 2.0
 """Cost of making a surface and reading it on coarser grids, in convolutions on the grid of the
-scene [1]. Measured on spectral surfaces of 257 and 513 nodes a side."""
+scene [1]. A rough estimate, with which grids are weighed against each other."""
 
 OF_CONTACT = work((256, 256))
-"""Cost of a contact on any grid besides its convolutions, in the unit of `bem.accuracy.work`: a
-contact on 17 nodes a side takes as long as one convolution on 256."""
+"""Cost of a contact on any grid besides its convolutions, in the unit of `bem.accuracy.work`. A
+rough estimate: contacts on very few nodes take about as long as one convolution on this grid."""
 
 Stopping = Callable[[], bool]
-"""Function that tells whether to stop before the errors are met."""
-
-
-def quantity_in_law(name: str) -> Quantity:
-    """Return the quantity of laws that an error is about.
-
-    Parameters
-    ----------
-    name : str
-        Name of an answer in `bem.accuracy.ANSWERS`.
-
-    Returns
-    -------
-    Quantity
-        The quantity; for "stiffness" that of the interface.
-    """
-    return STIFFNESS if name == "stiffness" else quantity_of(name)
+"""Function that returns whether to stop before the errors are met."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +169,11 @@ class _GridAnswers:
     Attributes
     ----------
     values : ndarray, shape (m,)
-        Answers, NaN under a load that has no solution, or is not solved.
+        Answers, NaN under a load that has no solution or whose contact was not solved.
     convolutions : float
         Convolutions of all contacts, in convolutions on the grid of the scene [1].
     pressed : list of Pressed
-        Numbers of the solved contacts, from which doubts follow.
+        What doubts are judged by, of each solved contact.
     """
 
     values: Values
@@ -198,6 +184,8 @@ class _GridAnswers:
 @dataclass(eq=False)
 class Sampler:
     """The solver of the surfaces of a scene on nested grids.
+
+    It collects the last three attributes while it solves.
 
     Attributes
     ----------
@@ -218,7 +206,7 @@ class Sampler:
     faults : dict
         The first reason why a contact was not solved, by the kind and the value of its load.
     doubts : list of str
-        First doubts about the contacts of the first surfaces.
+        The first doubt about the contacts of each of the first surfaces.
     """
 
     order: Order
@@ -293,7 +281,9 @@ class Sampler:
     def sample(
         self, number: int, nodes: tuple[int, int], coarser: tuple[int, int] | None
     ) -> Sample:
-        """Solve a surface on a grid, and on the next coarser one.
+        """Solve a surface under all loads on a grid, and on the next coarser one.
+
+        Faults, full contacts and doubts are added to the attributes.
 
         Parameters
         ----------
@@ -308,6 +298,11 @@ class Sampler:
         -------
         Sample
             The answers on both grids.
+
+        Raises
+        ------
+        InputError
+            If the surface has no value of a quantity at first touch.
         """
         surface = self.surface(number)
         problem = self.posed(surface)
@@ -359,7 +354,10 @@ class Sampler:
             raise InputError(f"{self.text}: {error}") from None
 
     def _answers(self, problem: Problem, at_rest: Values) -> _GridAnswers:
-        """Solve a problem under all loads. `at_rest` are its answers there, (quantities,)."""
+        """Solve a problem under all loads.
+
+        `at_rest` has its answers at first touch, (quantities,).
+        """
         layout = self.layout
         values = np.full((len(layout.quantities), layout.columns), np.nan)
         values[:, 0] = at_rest
@@ -390,7 +388,9 @@ class Sampler:
                 )
             )
         share = work(problem.heights.shape) / work(self.shape)
-        return _GridAnswers(values.ravel(), convolutions * share, pressed)
+        return _GridAnswers(
+            values=values.ravel(), convolutions=convolutions * share, pressed=pressed
+        )
 
 
 def _under(problem: Problem, kind: Load, value: float) -> Problem:
@@ -459,7 +459,7 @@ class PopulationSearch:
     def counted_levels(self) -> list[Level]:
         """The levels that are in the means. A last one with too few surfaces is left out."""
         levels = self.levels[self.coarsest :]
-        while len(levels) > 1 and levels[-1].number < 2:
+        while len(levels) > 1 and levels[-1].surface_count < 2:
             levels.pop()
         return levels
 
@@ -484,8 +484,9 @@ class PopulationSearch:
         Raises
         ------
         InputError
-            If the errors are not reachable on the grid of the scene, or if it had to stop before
-            two surfaces were solved.
+            If the errors are not reachable on the grid of the scene; if the sampling had to stop
+            before two surfaces were solved; or if a surface has no value of a quantity at first
+            touch.
         """
         with RunProgress(PILOT, "surfaces") as progress:
             for _ in range(min(FIRST_LEVELS, len(self.grids))):
@@ -504,18 +505,18 @@ class PopulationSearch:
                         self._sample_more(step, progress)
                     case Unreachable():
                         raise InputError(self._unreachable())
-        if self.levels[0].number < 2:
+        if self.levels[0].surface_count < 2:
             raise InputError(
                 "stopped before two surfaces were solved: there are no means"
             )
 
     def must_stop(self) -> bool:
-        """Tell whether to stop, and note it.
+        """Return whether to stop: once it is true, it stays so.
 
         Returns
         -------
         bool
-            True if it has to, or had to before.
+            True if the sampling has to stop, or had to before.
         """
         self.stopped = self.stopped or self.stopping()
         return self.stopped
@@ -532,7 +533,7 @@ class PopulationSearch:
         """Solve more surfaces on all grids, as a step says, beginning with the coarsest."""
         counts = dict(enumerate(step.numbers, self.coarsest))
         more = {
-            level: max(count - self.levels[level].number, 0)
+            level: max(count - self.levels[level].surface_count, 0)
             for level, count in counts.items()
         }
         progress.expect(self.next_surface + sum(more.values()))
@@ -540,7 +541,7 @@ class PopulationSearch:
             self._sample(level, number, progress)
 
     def _sample(self, number: int, surfaces: int, progress: RunProgress) -> None:
-        """Solve some further surfaces on a level by its number, unless it has to stop."""
+        """Solve further surfaces on the level with an index, until the sampling has to stop."""
         level = self.levels[number]
         coarser = self.grids[number - 1] if number > self.coarsest else None
         for _ in range(surfaces):
@@ -554,18 +555,19 @@ class PopulationSearch:
     def _cost_of_finer(self) -> float | None:
         """Return the expected cost of a sample on the next finer grid; None if there is none.
 
-        It takes as many convolutions as on the finest grid that there is.
+        The sample is solved on the finest grid that there is, too, and is expected to take as many
+        convolutions on the finer one.
         """
         if len(self.levels) == len(self.grids):
             return None
         finest = self.levels[-1]
-        same = OF_SURFACE + self.sampler.cost_of_contacts
+        fixed = OF_SURFACE + self.sampler.cost_of_contacts  # the same on all grids
         ratio = work(self.grids[len(self.levels)]) / work(finest.nodes)
-        return finest.cost + same + ratio * max(finest.cost - same, 0.0)
+        return finest.cost + fixed + ratio * max(finest.cost - fixed, 0.0)
 
     def _unreachable(self) -> str:
         """Say which errors are not reachable, what the best ones are, and what helps."""
-        rows, columns = self.sampler.shape
+        nx, ny = self.sampler.shape
         errors = self.sampler.order.errors or {}
         worst = worst_errors(self.sampler.layout, self.means, self.planner.asked, errors)
         unmet = [
@@ -574,7 +576,7 @@ class PopulationSearch:
             if error.parts.bias > LARGEST_BIAS * error.parts.asked_error
         ]
         return (
-            f"{self.sampler.text}: not reachable on the {rows} x {columns} nodes of the scene,"
+            f"{self.sampler.text}: not reachable on the {nx} x {ny} nodes of the scene,"
             f" however many surfaces: {'; '.join(unmet)}: ask for no less, or give the scene more"
             " nodes"
         )
@@ -587,7 +589,7 @@ class MeanErrorParts(ErrorParts):
     Attributes
     ----------
     surfaces : float
-        Error for the finite number of surfaces [1].
+        Error for the finite number of surfaces [1]. The attributes of `ErrorParts` have the others.
     """
 
     surfaces: float = 0.0
@@ -618,17 +620,26 @@ class MeanErrorParts(ErrorParts):
         Returns
         -------
         MeanErrorParts
-            The error, infinite of a mean of 0.
+            The error, infinite for a mean of 0.
         """
         value = abs(float(means.mean[place]))
-        parts = [means.grid, means.waves, means.solver, means.surfaces]
-        shares = [float(part[place]) / value if value > 0 else math.inf for part in parts]
-        return cls(asked_error, *shares)
+
+        def relative(errors: Values) -> float:
+            """Return the relative error of this mean from the absolute errors of all means."""
+            return float(errors[place]) / value if value > 0 else math.inf
+
+        return cls(
+            asked_error=asked_error,
+            grid=relative(means.grid),
+            waves=relative(means.waves),
+            solver=relative(means.solver),
+            surfaces=relative(means.surfaces),
+        )
 
 
 @dataclass(frozen=True)
 class WorstError:
-    """The error of an answer at that load of a law where it is the largest part of what was asked.
+    """The error of an answer at the load where it is largest, over the error that was asked for.
 
     Attributes
     ----------
@@ -657,7 +668,7 @@ class WorstError:
 def worst_errors(
     layout: Layout, means: Means, asked: Values, names: Iterable[str]
 ) -> list[WorstError]:
-    """Return the largest error of each answer that was asked for.
+    """Return the error of each answer at its worst load.
 
     Parameters
     ----------
@@ -668,12 +679,12 @@ def worst_errors(
     asked : ndarray, shape (m,)
         Largest relative errors, see `Layout.asked` [1].
     names : iterable of str
-        Names of the answers that have errors.
+        Names of the answers of which errors were asked for.
 
     Returns
     -------
     list of WorstError
-        One for each answer that has an error at a load.
+        One for each answer. An answer is left out if it has no finite mean under a load of `asked`.
     """
     places = layout.by_quantity(np.arange(asked.size))
     worst: list[WorstError] = []
@@ -721,7 +732,7 @@ def tolerance_for(errors: Mapping[str, float]) -> float:
 
 
 def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
-    """Refuse a scene whose means cannot have an error, before anything is solved.
+    """Refuse a scene for whose means no error can be promised, before anything is solved.
 
     Parameters
     ----------
@@ -733,8 +744,8 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
     Raises
     ------
     InputError
-        If contacts of the scene belong to their grid, a load is not allowed, the surfaces have too
-        few nodes, or their waves go on down to the grid.
+        If the scene has another kernel or far field than the default, a load is not allowed, the
+        surfaces have too few nodes, or their waves go on down to the grid.
     """
     contact = sampler.scene.contact
     for key, allowed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
@@ -744,10 +755,10 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
                 f"{sampler.text}: contact.{key} = {value!r}: with --error use {allowed!r},"
                 " because answers of the other one belong to their grid"
             )
-    rows, columns = sampler.shape
+    nx, ny = sampler.shape
     if len(sampler.nested_grids()) < 2:
         raise InputError(
-            f"{sampler.text}: {rows} x {columns} nodes: --error needs {2 * FEWEST_NODES - 1}"
+            f"{sampler.text}: {nx} x {ny} nodes: --error needs {2 * FEWEST_NODES - 1}"
             " nodes a side or more, because coarser grids tell the error"
         )
     problems = [sampler.posed(surface) for surface in surfaces]
@@ -762,7 +773,7 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
 
 
 def _refuse_loads(sampler: Sampler, problem: Problem) -> None:
-    """Refuse loads that no surface can have; a displacement of full contact is no such load."""
+    """Refuse loads that are not allowed; displacements of full contact are allowed."""
     for kind, load in sampler.layout.loads_in_order:
         try:
             _under(problem, kind, load)

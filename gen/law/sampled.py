@@ -11,6 +11,7 @@ import numpy as np
 
 from bem.budget import Budget
 from gen.arrays import Values
+from gen.law.accuracy import quantity_in_law
 from gen.law.curves import Curves, Points
 from gen.law.multilevel import Level, Means, means_of
 from gen.law.order import Load, Order
@@ -20,7 +21,6 @@ from gen.law.population import (
     PopulationSearch,
     SampledGrid,
     Sampler,
-    quantity_in_law,
 )
 from gen.law.solver import BETWEEN, NOT_SOLVED, SolvedLoads, ends_below
 from gen.maps.accuracy import RELATIVE_ERROR
@@ -45,7 +45,7 @@ class MeansOfTable:
     by_quantity: Mapping[str, Means]
 
     def place(self, load: float) -> int | None:
-        """Return the index of a load; None if the table was not sampled there.
+        """Return the index of a load.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class MeansOfTable:
         Returns
         -------
         int or None
-            The index.
+            The index; None if the table was not sampled under this load.
         """
         places = np.flatnonzero(self.at == load)
         return int(places[0]) if places.size else None
@@ -98,9 +98,9 @@ class SampledMeans:
     nodes : tuple of int
         Nodes (nx, ny) of the grid of the scene.
     is_met : bool
-        Whether all errors are met. They are not if the sampling had to stop.
+        Whether all errors are met; they may not be if the sampling had to stop.
     left : sequence of str
-        The largest error of each answer over the loads, with its parts, one line each.
+        For each answer, a line with its largest error over the loads and the parts of this error.
     """
 
     asked_errors: Mapping[str, float]
@@ -171,7 +171,7 @@ class SampledMeans:
 
     @property
     def grids_in_words(self) -> str:
-        """The number of surfaces on each grid, and the work."""
+        """The number of surfaces on each grid, and the work, as a line for people."""
         texts = []
         for grid in self.grids:
             text = f"{len(grid.surfaces)} on {grid.nodes[0]} x {grid.nodes[1]} nodes"
@@ -211,23 +211,11 @@ def means_of_table(
     if from_rest:
         columns = np.append(0, columns)
         loads = np.append(0.0, loads)
-
-    def of_quantity(part: Values, row: int) -> Values:
-        """Return the numbers of a quantity under these loads."""
-        numbers: Values = layout.by_quantity(part)[row, columns]
-        return numbers
-
+    indices = layout.by_quantity(np.arange(means.mean.size))
     return MeansOfTable(
-        loads,
-        {
-            quantity.in_laws: Means(
-                mean=of_quantity(means.mean, row),
-                standard_error=of_quantity(means.standard_error, row),
-                surfaces=of_quantity(means.surfaces, row),
-                grid=of_quantity(means.grid, row),
-                waves=of_quantity(means.waves, row),
-                solver=of_quantity(means.solver, row),
-            )
+        at=loads,
+        by_quantity={
+            quantity.in_laws: means.chosen(indices[row, columns])
             for row, quantity in enumerate(layout.quantities)
         },
     )
@@ -263,14 +251,16 @@ def solved_loads(
     high: dict[str, Values] = {}
     for name, of_quantity in means.by_quantity.items():
         mean = of_quantity.mean.copy()
+        # An unknown error gives no interval.
         reach = np.where(np.isfinite(of_quantity.total), of_quantity.total, np.nan)
-        reach[(loads == 0) & (mean == 0)] = 0.0
+        reach[(loads == 0) & (mean == 0)] = 0.0  # exact at first touch
         values[name] = mean
         low[name] = np.clip(mean - reach, *IN_LAWS[name].bounds)
         high[name] = np.clip(mean + reach, *IN_LAWS[name].bounds)
     kept = np.isfinite(values[DELTA.in_laws])
     for name, mean in values.items():
-        if IN_LAWS[name].diverges:  # infinite as soon as one surface is in full contact
+        # Infinite as soon as one surface is in full contact.
+        if IN_LAWS[name].diverges:
             mean[kept & ~np.isfinite(mean)] = math.inf
         else:
             kept &= np.isfinite(mean)
@@ -290,7 +280,7 @@ def solved_loads(
 
 
 def _left_out(sampler: Sampler, load: Load, left_out: Values) -> list[str]:
-    """Say why loads are left out of a table, in a line for full contact and one for each fault."""
+    """Return lines why loads are left out: one for full contact, and one for each known fault."""
     lines: list[str] = []
     if load == "delta" and (left_out >= sampler.full_contact).any():
         lines.append(ends_below(sampler.full_contact))

@@ -12,7 +12,7 @@ from strict import json_of
 import bem
 from bem.budget import Budget, ErrorParts, Trial
 from gen import cli
-from gen.law.accuracy import all_in_all, cells, with_bands
+from gen.law.accuracy import cells, deviations_with_errors, with_bands
 from gen.law.curves import Points, tabulated
 from gen.law.lines import Deviation
 from tests.bem.waves import random_waves
@@ -213,4 +213,4 @@ def test_lines_between_points_add_their_distance_to_the_error():
     points = of_one_load({"area_percent": 10.0, "delta_um": 1.0}, errors)
     table = tabulated("pressure_MPa", np.array([10.0]), [points], 0.9, {})
     lines = {"conductance": Deviation(0.02, 0.03), "pressure": Deviation(0.01, np.nan)}
-    assert "at most: conductance 8 %." in all_in_all([table], errors, lines)
+    assert "at most: conductance 8 %." in deviations_with_errors([table], errors, lines)

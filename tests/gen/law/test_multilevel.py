@@ -74,7 +74,7 @@ def sampled(seed, error, finest=4, **settings):
         else:
             levels.append(level())
         for number, count in counts.items():
-            while levels[number].number < count:
+            while levels[number].surface_count < count:
                 levels[number].samples.append(drawn(random, number, **settings))
 
 
