@@ -39,7 +39,7 @@ MOST_BANDS = 200
 
 # number of normal scores at which the curve of heights is tabulated
 TABULATED = 2001
-# No node of any surface has a score beyond this number: a share of 1e-15 would.
+# Largest tabulated score. A share of 1e-15 of all nodes is beyond it, hence none of any surface.
 FURTHEST_SCORE = 8.0
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -77,7 +77,7 @@ class Population:
     # shortest wavelength that carries roughness [um]: waves that are shorter have 1 % of the mean
     # square slope together
     shortest: Above0
-    # what the surfaces do not share with the maps, in sentences
+    # sentences on properties of the maps that the surfaces do not have
     remarks: Annotated[tuple[str, ...], Field(max_length=20)]
     bands_x: Bands  # middle of each band along x, rising from 0 [1/um]
     bands_y: Bands  # middle of each band along y, rising from 0 [1/um]
@@ -153,12 +153,12 @@ class Population:
 
     @property
     def longest(self) -> tuple[float, float]:
-        """Longest waves that the maps tell of, along x and y [um]."""
+        """Longest waves in the spectrum of the maps, along x and y [um]."""
         return (2 * math.pi / self.bands_x[1], 2 * math.pi / self.bands_y[1])
 
     @property
     def nodes(self) -> tuple[int, int]:
-        """Nodes along x and y of a period as long as the longest waves that the maps tell of."""
+        """Nodes along x and y of a period as long as the longest waves of the maps."""
         length_x, length_y = self.longest
         dx, dy = self.spacing
         return (round(length_x / dx), round(length_y / dy))
@@ -180,6 +180,23 @@ class Population:
         return np.interp(scores, places, heights)
 
 
+def total_power(densities: Values) -> float:
+    """Sum a spectral density over all waves of a period.
+
+    Parameters
+    ----------
+    densities : ndarray, shape (nx, ny // 2 + 1)
+        Density of each wave in the layout of `rfft2`; 0 for waves of two nodes along y.
+
+    Returns
+    -------
+    float
+        The sum, in the unit of the density.
+    """
+    # The transform holds one of two opposite waves, but both in the column of qy = 0.
+    return float(2 * densities[:, 1:].sum() + densities[:, 0].sum())
+
+
 def densities_at(
     logarithms: Values, bands: tuple[Values, Values], qx: Values, qy: Values
 ) -> Values:
@@ -196,12 +213,13 @@ def densities_at(
     qx : ndarray, shape (n,)
         Components of wavevectors along x [1/um].
     qy : ndarray, shape (m,)
-        Components along y, all of 0 or more [1/um].
+        Components of wavevectors along y, all of 0 or more [1/um].
 
     Returns
     -------
     ndarray, shape (n, m)
-        The density, in its unit. The mean, whose components are both 0, has none.
+        The density, in its unit. It is 0 where both components are 0: the mean of heights is no
+        wave.
     """
     along_x = _band_weights(bands[0], np.abs(qx))
     along_y = _band_weights(bands[1], qy)
@@ -218,7 +236,8 @@ def _band_weights(bands: Values, wavenumbers: Values) -> Values:
 
     `bands` are the middles of the bands, rising from 0 [1/um], and `wavenumbers` have the shape
     (n,) and the unit 1/um. The result has the shape (n, bands); the weights of a wavenumber have
-    the sum 1. The scale is logarithmic, but for the first bands, where it is linear.
+    the sum 1. They interpolate linearly in log(1 + q / q1), where q1 is the middle of the second
+    band: nearly linearly in the wavenumber q below q1, and in its logarithm above.
     """
     places = np.log1p(bands / bands[1])
     wanted = np.log1p(wavenumbers / bands[1])
@@ -285,9 +304,7 @@ def _amplitudes(population: Population, period: tuple[int, int]) -> Values:
     powers = densities_at(np.array(population.logarithms), bands, qx, qy)
     powers[2 * np.abs(numbers_x) == nx] = 0.0
     powers[:, 2 * numbers_y == ny] = 0.0
-    # The transform holds one of two opposite waves, but both in the column of qy = 0.
-    total = 2 * powers[:, 1:].sum() + powers[:, 0].sum()
-    return np.asarray(nx * ny * np.sqrt(powers / total))
+    return np.asarray(nx * ny * np.sqrt(powers / total_power(powers)))
 
 
 def generate_like(

@@ -1,14 +1,16 @@
 """Draft a scene for measured maps: survey the maps, choose the values, write the scene.
 
 `gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
-the maps, `gen.draft.likeness` fits a self-affine law to one map, `gen.draft.populations` fits a
-population to maps of one kind, and `gen.draft.writing` writes the scene.
+the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
+population to maps of one kind, from their spectra by `gen.draft.bands`. `gen.draft.judge` compares
+surfaces with a map by the contact, and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from gen.arrays import Heights
@@ -29,7 +31,7 @@ from gen.draft.writing import (
 from gen.maps.library import map_files
 from gen.maps.settings import Reading
 from gen.material import Bodies
-from gen.population import generate_like
+from gen.population import Population, generate_like
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import RunProgress, echo
@@ -46,7 +48,7 @@ class Draft:
     surveys: list[MapSurvey]  # surveys of all files, also of files that are left out
     # why self-affine surfaces may not be like the map; "" without such a reason, or for windows
     doubt: str = ""
-    # what surfaces of a population do not share with the maps
+    # sentences on properties of the maps that surfaces of a population do not have
     remarks: Sequence[str] = ()
 
 
@@ -161,26 +163,33 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
 def _judged_population(order: _Order, like: LikeMaps) -> list[Judgement]:
     """Judge each map of a population by the contact, and print the judgements."""
     population = like.population
-    middle = like.median_rms_height
     judgements = []
-    for survey, one, source in zip(like.surveys, like.maps, population.maps, strict=True):
-
-        def make(
-            shape: tuple[int, int],
-            random: Random,
-            scale: float = source.rms_height / middle,
-        ) -> Heights:
-            """Make a surface of the map's rms height out of a period as long as the map."""
-            nx, ny = (max(pair) for pair in zip(shape, population.nodes, strict=True))
-            return scale * generate_like(population, shape, (nx, ny), random)
-
-        topography = one.topography
+    for survey, fitted_map, source in zip(
+        like.surveys, like.maps, population.maps, strict=True
+    ):
+        scale = source.rms_height / like.median_rms_height
+        topography = fitted_map.topography
         judgement = judge_surfaces(
-            topography.heights, topography.spacing, make, order.bodies, like.nodes
+            topography.heights,
+            topography.spacing,
+            partial(_surface_like, population, scale),
+            order.bodies,
+            like.nodes,
         )
         print_judgement(judgement, f"surfaces with the spectrum of {survey.path.name}")
         judgements.append(judgement)
     return judgements
+
+
+def _surface_like(
+    population: Population, scale: float, shape: tuple[int, int], random: Random
+) -> Heights:
+    """Make a surface [um] out of a period as long as the maps, or as the surface if it is longer.
+
+    `scale` is its rms height over that of the population [1], `shape` its nodes along x and y.
+    """
+    nx, ny = (max(pair) for pair in zip(shape, population.nodes, strict=True))
+    return scale * generate_like(population, shape, (nx, ny), random)
 
 
 def _print_preparation(like: LikeMaps) -> None:

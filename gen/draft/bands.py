@@ -1,8 +1,9 @@
 """Directional power spectra of maps in bands of waves, smoothed so that they are a population's.
 
-Bands along an axis hold one number of waves each for the longest waves, and the same ratio of
-wavenumbers further on. A map is multiplied by a Hann window, so that steps between opposite
-borders add no waves; what the window leaks from each wave to its neighbours is known (`leaked`).
+Along an axis, each of the first bands holds one number of waves a side, and each further band the
+same ratio of wavenumbers. A map is multiplied by a Hann window, so that steps between opposite
+borders add no waves. The power that the window leaks from each wave to its neighbours is known
+(`leaked`).
 """
 
 from __future__ import annotations
@@ -17,19 +18,18 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.read import Sides
-from gen.population import densities_at
+from gen.population import densities_at, total_power
 
-BAND_RATIO = (
-    1.12  # ratio of the largest to the smallest wavenumber of a band of several waves
-)
+# ratio of the largest to the smallest wavenumber of a band of several numbers of waves
+BAND_RATIO = 1.12
 SINGLE = 5  # number of bands that hold one number of waves each
-# Number of independent waves that a band's neighbourhood counts for. A band with as many waves of
-# its own has the mean of its own power and of its neighbourhood's.
+# Number of independent waves whose weight a band's neighbourhood has. A band with this number gets
+# the mean of its own logarithm and of its neighbourhood's.
 NEIGHBOURHOOD = 3.0
 REACH = 1.0  # standard deviation of the weights of a band's neighbourhood [bands]
-# Neighbouring waves share power through the window, so that not all of them are independent.
+# Share of the waves that are independent: neighbouring waves share power through the window.
 INDEPENDENT = 0.5
-# A band with many waves is no more of a neighbour than one with this number of them.
+# Largest number of independent waves by which a band is weighted in its neighbourhood.
 MOST_OF_A_NEIGHBOUR = 8.0
 # smallest power of a band over the largest: about the rounding of heights
 FLOOR = 1e-20
@@ -56,13 +56,13 @@ class WaveGrid:
 
     @cached_property
     def slopes_x(self) -> Values:
-        """Mean square difference quotient along x of each unit wave, shape (nx, 1) [1/um^2]."""
+        """Mean square slope between nodes along x of waves of unit variance, (nx, 1) [1/um^2]."""
         dx = self.spacing[0]
         return ((2 / dx * np.sin(self.qx * dx / 2)) ** 2)[:, None]
 
     @cached_property
     def slopes_y(self) -> Values:
-        """The same along y, shape (1, ny // 2 + 1) [1/um^2]."""
+        """Mean square slope between nodes along y, of shape (1, ny // 2 + 1) [1/um^2]."""
         dy = self.spacing[1]
         return ((2 / dy * np.sin(self.qy * dy / 2)) ** 2)[None, :]
 
@@ -77,16 +77,14 @@ class WaveGrid:
         Parameters
         ----------
         densities : ndarray, shape (nx, ny // 2 + 1)
-            Spectral density [um^4].
+            Spectral density; 0 for waves of two nodes along y [um^4].
 
         Returns
         -------
         float
             Its integral over the wavevectors, divided by (2 pi)^2 [um^2].
         """
-        # The transform holds one of two opposite waves, but both in the column of qy = 0.
-        summed = 2 * densities[:, 1:].sum() + densities[:, 0].sum()
-        return float(summed / self.area)
+        return total_power(densities) / self.area
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +121,11 @@ class WaveBands:
             The bands.
         """
         ends = [_band_ends(nodes) for nodes in grid.shape]
-        steps = np.multiply(grid.shape, grid.spacing)
+        lengths = np.multiply(grid.shape, grid.spacing)  # of the period
         # Bands end between two waves.
         ends_x, ends_y = (
-            tuple(2 * math.pi / step * np.maximum(0.0, numbers - 0.5))
-            for numbers, step in zip(ends, steps, strict=True)
+            tuple(2 * math.pi / length * np.maximum(0.0, numbers - 0.5))
+            for numbers, length in zip(ends, lengths, strict=True)
         )
         return cls(ends_x=ends_x, ends_y=ends_y)
 
@@ -268,8 +266,8 @@ def leaked(densities: Values) -> Values:
     Returns
     -------
     ndarray, shape (nx, ny // 2 + 1)
-        The mean of `periodogram` [um^4]. It is too small in the last column, whose neighbour on one
-        side is not there.
+        The mean of `periodogram` [um^4]. It is too small in the last column, because `densities`
+        lacks the neighbour on one side.
     """
     neighbours_x = np.roll(densities, 1, axis=0) + np.roll(densities, -1, axis=0)
     along_x = densities * (2 / 3) + neighbours_x / 6
@@ -285,8 +283,8 @@ def leaked(densities: Values) -> Values:
 def smoothed(spectrum: BandSpectrum) -> Values:
     """Return the logarithm of a map's spectrum in bands, smoothed to that of a population.
 
-    The power of a single wave of one map scatters by its own mean. A band with few waves therefore
-    takes over the mean of its neighbourhood; one with many keeps its own.
+    The standard deviation of the power of a single wave is as large as its mean. A band with few
+    waves therefore takes over the mean of its neighbourhood; a band with many keeps its own.
 
     Parameters
     ----------
@@ -304,10 +302,12 @@ def smoothed(spectrum: BandSpectrum) -> Values:
     independent = np.where(spectrum.waves > 0, INDEPENDENT * spectrum.waves, 0.0)
     floor = FLOOR * np.nanmax(spectrum.densities)
     densities = np.where(independent > 0, np.fmax(spectrum.densities, floor), 1.0)
-    known = np.maximum(independent, INDEPENDENT)
+    at_least_one = np.maximum(
+        independent, INDEPENDENT
+    )  # of one wave, in bands without waves
     # The mean logarithm of a mean of n exponentially distributed powers is below that of their
     # expectation by log(n) - digamma(n).
-    logarithms = np.log(densities) + np.log(known) - digamma(known)
+    logarithms = np.log(densities) + np.log(at_least_one) - digamma(at_least_one)
     weights = np.minimum(independent, MOST_OF_A_NEIGHBOUR)
     sums = gaussian_filter(_whole_plane(weights * logarithms), REACH, mode="nearest")
     totals = gaussian_filter(_whole_plane(weights), REACH, mode="nearest")

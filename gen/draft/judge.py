@@ -1,8 +1,8 @@
 """Judge surfaces that are to be like a map by the contact: press the map and ten of them.
 
-A spectrum and a distribution of heights do not hold everything of a map: of a map with steps or
-pits, surfaces of both are pressed flat in other places. A contact costs little, so that the map
-itself is pressed, and ten surfaces of its size, under three pressures.
+A spectrum and a distribution of heights do not describe a map completely. If a map has steps or
+pits, surfaces with its spectrum and its heights touch in other places. A contact costs little, so
+the map itself and ten surfaces of its size are pressed, under three pressures.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gen.arrays import Heights, Values
+from gen.draft.writing import KAPPA
 from gen.maps.read import Sides
 from gen.material import Bodies
 from gen.runtime.terminal import RunProgress, echo, print_columns
@@ -24,24 +25,23 @@ MADE = 10
 """Number of surfaces that are pressed beside the map."""
 
 MOST_NODES = 450_000
-"""Most nodes of the map that are pressed, those in its middle: 670 x 670, or 775 x 580."""
+"""Largest number of nodes of the map that are pressed; of a larger map they are in its middle."""
 
 LIMIT = 0.15
-"""Largest relative difference of area and mean gap of a map that is of the kind of the surfaces."""
+"""Largest relative difference of area and mean gap between surfaces and a map of their kind."""
 
-# Standard deviations of the surfaces beyond which a difference is none of their scatter.
+# Largest difference between surfaces and map that their scatter explains, in standard deviations of
+# the surfaces.
 BEYOND_SCATTER = 2.0
-# scatter of an answer [1] beyond which an agreement tells nothing
+# relative scatter of an answer above which an agreement decides nothing [1]
 WIDE = 0.3
-# Shares of the patch in contact under the three pressures, about.
+# approximate shares of the patch in contact under the three pressures [1]
 SHARES = (0.01, 0.05, 0.2)
-# Under light loads the share in contact is KAPPA p / (E* rms slope), see `gen.draft.writing`.
-KAPPA = 2.0
-# Rows of a few thousand reach this number of standard deviations from the mean of a feature.
+# Reach of a feature in a database of a few thousand rows: distance of its ends from its mean, in
+# standard deviations.
 OF_RANGE = 3.5
-PATCHES = (
-    20  # number of patches whose features are compared with those of the map's windows
-)
+# number of patches whose features are compared with those of the map's windows
+PATCHES = 20
 
 Verdict = Literal["of its kind", "undecided", "not of its kind"]
 
@@ -54,7 +54,7 @@ ANSWERS: Mapping[str, Callable[[Any], float]] = {
     "stiffness": lambda contact: float(contact.stiffness),
     "number of spots": lambda contact: float(contact.spots.areas.size),
 }
-"""What is compared under each pressure, read off a `bem.Contact`."""
+"""Functions that read the compared answers off a `bem.Contact`, by the names of the answers."""
 
 JUDGED = ("area", "mean gap")
 """Answers that decide the verdict."""
@@ -91,24 +91,28 @@ class Ratio:
 
     @property
     def is_beyond_scatter(self) -> bool:
-        """Whether they differ by more than the surfaces do among themselves."""
+        """Whether map and surfaces differ by more than the scatter of the surfaces explains.
+
+        It is true too if one of them has no number.
+        """
         return not abs(self.mean - 1) <= BEYOND_SCATTER * self.mean * self.scatter
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the contact says of surfaces that are to be like a map."""
+    """The comparison of a map with surfaces that are to be like it."""
 
     nodes: tuple[int, int]  # nodes of the map that were pressed, along x and y
     pressures: tuple[float, ...]  # mean pressures [MPa]
     # ratios by the name of the answer, one under each pressure
     answers: Mapping[str, tuple[Ratio, ...]]
     geometry: Mapping[str, Ratio]  # ratios of numbers of the heights, by name
-    outside: tuple[str, ...]  # statistics of the map beyond the range of the surfaces'
+    # names of statistics of the map's windows that are beyond the range of the surfaces
+    outside: tuple[str, ...]
 
     @property
     def faults(self) -> list[str]:
-        """What is off by more than the limit and the scatter, as "area 0.42 of the map's"."""
+        """Answers off by more than limit and scatter, as "area 0.42 of the map's at 3 MPa"."""
         return [
             f"{name} {ratio.mean:.2f} of the map's at {pressure:.3g} MPa"
             for name in JUDGED
@@ -120,8 +124,8 @@ class Judgement:
     def verdict(self) -> Verdict:
         """The verdict on area and mean gap under all pressures.
 
-        An answer beyond the limit is a fault, unless the surfaces scatter as much. Where they
-        scatter much, an agreement decides nothing either.
+        An answer beyond the limit is a fault, unless the scatter of the surfaces explains the
+        difference. Then the verdict is undecided, as it is where the scatter is wide.
         """
         if self.faults:
             return "not of its kind"
@@ -162,7 +166,7 @@ def judge_surfaces(
         Heights of the prepared map [um].
     spacing : tuple of float
         Distance of its nodes along x and y [um].
-    make : callable
+    make : Maker
         Function that makes a surface with the map's spacing.
     bodies : Bodies
         Material of the contact.
@@ -173,6 +177,11 @@ def judge_surfaces(
     -------
     Judgement
         The comparison, and the verdict.
+
+    Raises
+    ------
+    InputError
+        If `make` cannot make a surface on the map's grid.
     """
     from bem.threads import cores, default_threads, on_threads
 
@@ -182,42 +191,46 @@ def judge_surfaces(
     slope = rms_slope(middle, spacing)
     pressures = tuple(float(f"{p:.3g}") for p in _pressures(slope, bodies))
     press = _Press(spacing, bodies)
-    solved: list[list[dict[str, float]]] = []  # of the map and the surfaces, by pressure
+    ratios: dict[str, list[Ratio]] = {name: [] for name in ANSWERS}
     total = (1 + MADE) * len(pressures)
     with on_threads(default_threads(cores())), RunProgress(total, noun="contacts") as bar:
-        for surface in [middle, *surfaces]:
+        for pressure in pressures:
             answers = []
-            for pressure in pressures:
+            for surface in [middle, *surfaces]:
                 answers.append(press.answers(surface, pressure))
                 bar.advance(rows=1)
-            solved.append(answers)
-    of_map, *of_surfaces = solved
-    answers_by_name = {
-        name: tuple(
-            Ratio.of([one[at][name] for one in of_surfaces], of_map[at][name])
-            for at in range(len(pressures))
-        )
-        for name in ANSWERS
-    }
-    statistics_of_map = describe(middle, spacing).values
-    statistics = [describe(surface, spacing).values for surface in surfaces]
-    slopes = [rms_slope(surface, spacing) for surface in surfaces]
-    densities = [one["peak_density"] for one in statistics]
+            of_map, *of_surfaces = answers
+            for name in ANSWERS:
+                values = [of_surface[name] for of_surface in of_surfaces]
+                ratios[name].append(Ratio.of(values, of_map[name]))
     return Judgement(
         nodes=shape,
         pressures=pressures,
-        answers=answers_by_name,
-        geometry={
-            "rms height": Ratio.of([s.std() for s in surfaces], float(middle.std())),
-            "rms slope": Ratio.of(slopes, slope),
-            "summit density": Ratio.of(densities, statistics_of_map["peak_density"]),
-        },
+        answers={name: tuple(by_pressure) for name, by_pressure in ratios.items()},
+        geometry=_geometry(middle, surfaces, spacing),
         outside=_outside(middle, spacing, make, nodes),
     )
 
 
+def _geometry(
+    middle: Heights, surfaces: Sequence[Heights], spacing: Sides
+) -> dict[str, Ratio]:
+    """Return the ratios of numbers of the heights [um] of surfaces to those of a map, by name."""
+    numbers: dict[str, Callable[[Heights], float]] = {
+        "rms height": lambda heights: float(heights.std()),
+        "rms slope": lambda heights: rms_slope(heights, spacing),
+        "summit density": lambda heights: describe(heights, spacing).values[
+            "peak_density"
+        ],
+    }
+    return {
+        name: Ratio.of([number(surface) for surface in surfaces], number(middle))
+        for name, number in numbers.items()
+    }
+
+
 def _middle(heights: Heights) -> Heights:
-    """Return the nodes in the middle of a map, at most `MOST_NODES`, in the map's proportions."""
+    """Return the middle of a map, about its mean [um]: at most `MOST_NODES`, in its proportions."""
     share = min(1.0, math.sqrt(MOST_NODES / heights.size))
     nx, ny = (int(share * nodes) for nodes in heights.shape)
     x = (heights.shape[0] - nx) // 2
@@ -228,6 +241,7 @@ def _middle(heights: Heights) -> Heights:
 
 def _pressures(slope: float, bodies: Bodies) -> list[float]:
     """Return the three pressures for a map with an rms slope [MPa]."""
+    # Light loads bring the share KAPPA p / (E* rms slope) into contact.
     scale = bodies.e_star * slope / KAPPA
     if bodies.hardness is not None:
         scale = min(scale, bodies.hardness)
@@ -266,8 +280,9 @@ def _outside(
 ) -> tuple[str, ...]:
     """Return the names of statistics of a map's windows beyond those of many surfaces.
 
-    The windows are of nodes x nodes, as the patches of a scene, and their mean counts.
-    The range follows from the mean and the standard deviation of a few surfaces.
+    The windows have `nodes` nodes along each side, as the patches of a scene. Means over all
+    windows are compared. The range follows from the mean and the standard deviation over `PATCHES`
+    surfaces.
     """
     nx, ny = (min(nodes, side) for side in heights.shape)
     starts_x = range(0, heights.shape[0] - nx + 1, nx)
@@ -280,8 +295,8 @@ def _outside(
     of_surfaces = [describe(surface, spacing).values for surface in surfaces]
     names = []
     for name in of_map[0]:
-        value = float(np.mean([one[name] for one in of_map]))
-        values = np.array([one[name] for one in of_surfaces])
+        value = float(np.mean([statistics[name] for statistics in of_map]))
+        values = np.array([statistics[name] for statistics in of_surfaces])
         distance = abs(value - values.mean())
         reach = OF_RANGE * values.std(ddof=1)
         # Equal statistics of all surfaces differ by rounding.

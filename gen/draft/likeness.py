@@ -38,7 +38,7 @@ class NoLaw(InputError):
 
 
 @dataclass(frozen=True)
-class Roughness:
+class MedianRoughness:
     """The rms height and the rms slope of several surfaces, as medians."""
 
     rms_height: float  # median [um]
@@ -59,7 +59,7 @@ class Likeness:
     # Value of the generator's parameter: the rms slope of all waves [1]. With it, the rms slope
     # between the nodes of generated surfaces is that of the map's windows.
     rms_slope: float
-    windows: Roughness  # roughness of windows of the map
+    windows: MedianRoughness  # roughness of windows of the map
     rms_height: float  # median of the rms heights of generated surfaces with this `rms_slope` [um]
     doubt: str  # why the generated surfaces may not be like the map; "" without such a reason
 
@@ -221,14 +221,14 @@ def _windows(heights: Heights) -> list[Heights]:
     return [heights[i : i + NODES, j : j + NODES] for i in starts_x for j in starts_y]
 
 
-def _roughness(surfaces: Sequence[Heights], spacing: Sides) -> Roughness:
+def _roughness(surfaces: Sequence[Heights], spacing: Sides) -> MedianRoughness:
     """Return the medians of the rms heights and the rms slopes of surfaces.
 
     `surfaces` are heights [um] on nodes with the distances `spacing` along x and y [um].
     """
     heights = [surface.std() for surface in surfaces]
     slopes = [rms_slope(surface, spacing) for surface in surfaces]
-    return Roughness(
+    return MedianRoughness(
         rms_height=float(np.median(heights)), rms_slope=float(np.median(slopes))
     )
 

@@ -1,14 +1,18 @@
-"""Fit a population to maps: its spectrum, its distribution of heights, and what gives way.
+"""Fit a population to maps: its spectrum and its distribution of heights.
 
 The surfaces are translation fields, see `gen.population`. Three things are fitted, in this order:
 
-- The curve to heights, from the maps' quantiles. It is smooth: with the exact heights of a map,
-  short waves would be noise.
-- The spectrum that surfaces shall have: that of the maps in bands, of which long waves, level and
-  direction are corrected until the rms height and the rms slopes along both axes are the maps'.
-- The spectrum of the Gaussian field. The curve distorts the autocorrelation of the field in a way
-  that its Hermite polynomials tell [1]_, so that the spectrum of the surfaces is known without
-  making one. The field's spectrum is multiplied in each band by what the surfaces' lacks [2]_.
+- The curve from normal scores to heights, from the maps' quantiles. It is smooth: a curve through
+  all heights of a map would add noise to the short waves.
+- The wanted spectrum of the surfaces. It is that of the maps in bands, with corrections until rms
+  height, rms slopes along both axes and rms curvature are those of the maps.
+- The spectrum of the Gaussian field. The Hermite polynomials of the curve tell how it distorts the
+  autocorrelation of the field [1]_, so that the spectrum of the surfaces is known without making
+  one. In each round the field's spectrum is multiplied in each band by a power of the ratio of the
+  wanted spectrum to that of the surfaces [2]_.
+
+Not all of these can always be had together. The population records, as remarks, which numbers of
+its surfaces are not those of the maps.
 
 References
 ----------
@@ -37,26 +41,33 @@ from gen.draft.bands import (
     periodogram,
     smoothed,
 )
+from gen.draft.likeness import rounded
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.filters import is_same
 from gen.maps.read import Topography, spacing_text
 from gen.maps.settings import Reading
 from gen.maps.texture import nodes_a_wave, radial_spectrum
-from gen.population import FORMAT, Population, SourceMap, generate_like
+from gen.population import (
+    FORMAT,
+    Population,
+    SourceMap,
+    generate_like,
+    tabulated_curve,
+)
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
 
 FEWEST_NODES = 16  # nodes along the shorter side of a map to which a population is fitted
 
-KNOTS = (
-    17  # number of normal scores at which the curve of heights is known, but for its ends
-)
+# number of normal scores at which the curve of heights is known, without its two ends
+KNOTS = 17
 SPAN = 2.8  # largest of these scores
 # A height of the curve is the mean of this share of all nodes.
 SHARE_OF_A_KNOT = 1 / 200
 
-# Waves of this number to a map's side count as long ones, whose power is known least.
+# Waves with at most about this number of periods on a side of the map are long ones. Their power is
+# known least.
 LONG = 3.0
 # largest factor by which the power of long waves is corrected
 MOST_FOR_LONG = 4.0
@@ -66,17 +77,18 @@ MOST_DIRECTIONAL = 6.0  # largest exponent of a factor that differs along x and 
 
 TERMS = 64  # number of Hermite polynomials of the curve of heights
 ROUNDS = 20  # number of corrections of the Gaussian field's spectrum
-ROUNDS_OF_MEANS = (
-    6  # corrections by which an interpolated spectrum gets the means of its bands
-)
+# number of corrections by which an interpolated spectrum gets the means of its bands
+ROUNDS_OF_MEANS = 6
 STEP = 0.7  # exponent of a correction
 MOST_OF_A_ROUND = 2.0  # largest change of a logarithm in one correction
-ROUNDS_OF_ROUGHNESS = 3  # corrections of the wanted spectrum by the maps' roughness
+ROUNDS_OF_ROUGHNESS = (
+    3  # number of corrections of the wanted spectrum by the maps' roughness
+)
 # smallest logarithm of a density relative to the largest
 LEAST = -60.0
 
-TRIALS = 4  # surfaces that are compared with the maps
-# largest relative difference between surfaces and maps that is not told
+TRIALS = 4  # number of surfaces that are compared with the maps
+# largest relative difference between surfaces and maps without a remark
 GIVES_WAY = 0.1
 
 
@@ -148,14 +160,14 @@ class LikeMaps:
     @property
     def scales(self) -> tuple[float, float]:
         """Smallest and largest rms height of the maps over that of the population [1]."""
-        rms_heights = [one.rms_height for one in self.population.maps]
-        middle = self.median_rms_height
-        return min(rms_heights) / middle, max(rms_heights) / middle
+        rms_heights = [source.rms_height for source in self.population.maps]
+        median = self.median_rms_height
+        return min(rms_heights) / median, max(rms_heights) / median
 
     @property
     def median_rms_height(self) -> float:
-        """Median of the rms heights of the maps, which is that of the population [um]."""
-        return float(np.median([one.rms_height for one in self.population.maps]))
+        """Median of the rms heights of the maps, which is the rms height of the population [um]."""
+        return float(np.median([source.rms_height for source in self.population.maps]))
 
 
 def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
@@ -212,8 +224,8 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
 def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     """Fit a population to maps of one kind.
 
-    Each map counts with its heights over its rms height; the rms height of the population is the
-    median of theirs.
+    The heights of each map are divided by its rms height. The rms height of the population is the
+    median of those of the maps.
 
     Parameters
     ----------
@@ -233,9 +245,10 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         If a map is flat or has too few nodes, or the maps have different spacings.
     """
     _require_fitting(maps)
-    units = [_standardised(one.topography.heights) for one in maps]
+    heights_of_maps = [fitted_map.topography.heights for fitted_map in maps]
+    units = [_standardised(heights) for heights in heights_of_maps]
     spacing = maps[0].topography.spacing
-    rms_heights = [float(one.topography.heights.std()) for one in maps]
+    rms_heights = [float(heights.std()) for heights in heights_of_maps]
     rms_height = float(np.median(rms_heights))
     shape = max((unit.shape for unit in units), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
@@ -245,17 +258,16 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     wanted = wanted.with_variance(curve.variance)
     field = _spectrum_of_field(wanted, curve)
     bands_x, bands_y = wanted.bands.middles
-    heights = curve.heights * rms_height
     population = Population(
         format=FORMAT,
         maps=tuple(
             SourceMap(
-                name=Path(one.topography.name).name,
-                sha256=one.sha256,
-                nodes=_shape(one.topography.heights),
-                rms_height=rms,
+                name=Path(fitted_map.topography.name).name,
+                sha256=fitted_map.sha256,
+                nodes=_shape(fitted_map.topography.heights),
+                rms_height=rms_height_of_map,
             )
-            for one, rms in zip(maps, rms_heights, strict=True)
+            for fitted_map, rms_height_of_map in zip(maps, rms_heights, strict=True)
         ),
         preparation=preparation,
         spacing=(float(spacing[0]), float(spacing[1])),
@@ -265,23 +277,18 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         bands_y=_rounded(bands_y, 12),
         logarithms=(_rows(field[0]), _rows(field[1])),
         scores=_rounded(curve.scores, 6),
-        heights=_rounded(heights, 9),
+        heights=_rounded(curve.heights * rms_height, 9),
     )
-    surfaces = [
-        generate_like(population, shape, shape, np.random.default_rng([TRIALS, number]))
-        for number in range(TRIALS)
-    ]
     of_maps = Roughness.of([unit * rms_height for unit in units], spacing)
-    of_surfaces = [Roughness.of([surface], spacing) for surface in surfaces]
-    remarks = _what_gives_way(of_surfaces, of_maps)
+    remarks = _what_gives_way(population, shape, of_maps)
     return replace(population, remarks=tuple(remarks))
 
 
 def _require_fitting(maps: Sequence[FittedMap]) -> None:
     """Raise InputError unless a population can be fitted to the maps."""
     first = maps[0].topography
-    for one in maps:
-        topography = one.topography
+    for fitted_map in maps:
+        topography = fitted_map.topography
         nx, ny = topography.heights.shape
         if min(nx, ny) < FEWEST_NODES:
             raise InputError(
@@ -293,10 +300,8 @@ def _require_fitting(maps: Sequence[FittedMap]) -> None:
             raise InputError(
                 f"{topography.name}: its rms height is {deviation:g} um: no surface is like it"
             )
-        same = [
-            is_same(*pair) for pair in zip(topography.spacing, first.spacing, strict=True)
-        ]
-        if not all(same):
+        spacings = zip(topography.spacing, first.spacing, strict=True)
+        if not all(is_same(spacing, of_first) for spacing, of_first in spacings):
             raise InputError(
                 f"{topography.name}: a node every {spacing_text(topography.spacing)} um,"
                 f" {first.name} has one every {spacing_text(first.spacing)}: maps of one kind"
@@ -318,7 +323,7 @@ def _standardised(heights: Heights) -> Heights:
 
 def _rounded(values: Values, digits: int) -> tuple[float, ...]:
     """Return numbers with a number of significant digits: a file needs no more."""
-    return tuple(float(f"{value:.{digits}g}") for value in values)
+    return tuple(rounded(value, digits) for value in values)
 
 
 def _rows(table: Values) -> tuple[tuple[float, ...], ...]:
@@ -329,13 +334,13 @@ def _rows(table: Values) -> tuple[tuple[float, ...], ...]:
 def _shortest_wave(maps: Sequence[FittedMap]) -> float:
     """Return the shortest wavelength that carries roughness, in the finest of the maps [um]."""
     lengths = []
-    for one in maps:
-        spacing = one.topography.spacing
-        nodes = nodes_a_wave(radial_spectrum(one.topography), spacing)
-        if math.isnan(nodes):
+    for fitted_map in maps:
+        topography = fitted_map.topography
+        nodes = nodes_a_wave(radial_spectrum(topography), topography.spacing)
+        if math.isnan(nodes):  # not known: the shortest wave of the grid is taken
             nodes = 2.0
-        lengths.append(nodes * max(spacing))
-    return float(f"{min(lengths):.4g}")
+        lengths.append(nodes * max(topography.spacing))
+    return rounded(min(lengths), 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,7 +352,7 @@ class _HeightCurve:
 
     @classmethod
     def of(cls, units: Sequence[Heights]) -> _HeightCurve:
-        """Return the curve of maps with unit rms heights: each quantile is the mean of theirs."""
+        """Return the mean of the curves of maps with unit rms heights."""
         curves = [_quantiles(unit) for unit in units]
         furthest = min(curve.scores[-1] for curve in curves)
         scores = np.concatenate(([-furthest], curves[0].scores[1:-1], [furthest]))
@@ -362,17 +367,16 @@ class _HeightCurve:
 
     def __call__(self, scores: Values) -> Values:
         """Return the heights at normal scores [1]."""
-        from gen.population import tabulated_curve
-
         places, heights = tabulated_curve(tuple(self.scores), tuple(self.heights))
         return np.interp(scores, places, heights)
 
     def without_chance(self, independent: float) -> _HeightCurve:
-        """Return the curve less what of its bends may be chance.
+        """Return the curve without the part of its bends that may be due to chance.
 
-        Heights of few waves are not normally distributed although their field is. The bends, which
-        are distances from the straight line of normal heights, shrink by the share of their mean
-        square that quantiles of a number of independent heights have by chance (James and Stein).
+        Bends are distances from the straight line of normally distributed heights. Heights of few
+        waves have such bends although the field of the waves is Gaussian. So the bends shrink by a
+        share: the mean square that quantiles of `independent` heights have by chance, over the
+        mean square of the bends (James and Stein).
         """
         from scipy.special import ndtr
 
@@ -391,22 +395,24 @@ class _HeightCurve:
     def hermite_powers(self) -> Values:
         """Powers of the curve's normalised Hermite polynomials, shape (`TERMS` + 1,).
 
-        The power of degree k is the share in the variance of the heights that the autocorrelation
-        of the Gaussian field enters by its k-th power. The last power is the rest.
+        The autocovariance of the heights is a sum over degrees k: the power of degree k times the
+        k-th power of the autocorrelation of the Gaussian field. The last power holds those of all
+        higher degrees.
         """
         scores = np.linspace(-8, 8, 4001)
         weights = np.exp(-(scores**2) / 2)
         weights /= weights.sum()
         heights = self(scores)
         heights -= weights @ heights
-        before = np.zeros_like(scores)
+        previous = np.zeros_like(scores)
         polynomial = np.ones_like(scores)
         powers = []
         for degree in range(TERMS):
             powers.append(float(weights @ (heights * polynomial)) ** 2)
-            following = scores * polynomial - math.sqrt(degree) * before
-            before = polynomial
-            polynomial = following / math.sqrt(degree + 1)
+            # recurrence of Hermite polynomials with unit variance
+            unscaled = scores * polynomial - math.sqrt(degree) * previous
+            previous = polynomial
+            polynomial = unscaled / math.sqrt(degree + 1)
         rest = float(weights @ heights**2) - sum(powers)
         return np.array([*powers, max(0.0, rest)])
 
@@ -438,11 +444,11 @@ def _quantiles(unit: Heights) -> _HeightCurve:
 
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """The spectrum that surfaces shall have."""
+    """The wanted spectrum of the surfaces, whose heights have no unit."""
 
     grid: WaveGrid
     bands: WaveBands
-    logarithms: Values  # logarithms of the density in bands [um^2: heights have no unit]
+    logarithms: Values  # logarithms of the density in bands [um^2]
 
     def with_variance(self, variance: float) -> _Wanted:
         """Return the same spectrum for heights of another variance [1]."""
@@ -453,8 +459,8 @@ class _Wanted:
 def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
     """Return the spectrum of maps with unit rms heights, of unit variance.
 
-    The maps' periodograms tell its form. Its variance and the rms slopes along both axes over the
-    rms height are those of the maps, which a window does not weigh.
+    Its form follows from the maps' periodograms. It is then corrected until rms slopes and rms
+    curvature over the rms height are those of the maps, which are measured without a window.
     """
     bands = WaveBands.of(grid)
     spectrum = _mean_spectrum(units, grid, bands)
@@ -472,7 +478,7 @@ def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
 
 
 def _independent_waves(wanted: _Wanted) -> float:
-    """Return the number of waves of equal power of which heights would scatter as much.
+    """Return the number of waves of equal power whose heights would scatter as much.
 
     It is the square of the sum of all powers over the sum of their squares.
     """
@@ -496,7 +502,7 @@ def _with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
 def _mean_spectrum(
     units: Sequence[Heights], grid: WaveGrid, bands: WaveBands
 ) -> BandSpectrum:
-    """Return the mean spectrum of maps in bands; a map counts in a band with its waves there."""
+    """Return the mean spectrum of maps in bands; a map has the weight of its waves in the band."""
     powers = np.zeros(bands.shape)
     waves = np.zeros(bands.shape)
     for unit in units:
@@ -517,55 +523,54 @@ def _log_ratio(numerator: float, denominator: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Correction:
-    """Correction of a spectrum in bands by what is known of the heights without a window."""
+    """Correction of a spectrum in bands by the roughness of maps, measured without a window."""
 
     grid: WaveGrid
     bands: WaveBands
     logarithms: Values  # logarithms of the spectrum in bands
-    direction: (
-        float  # logarithm of the mean square slope along x over that along y; may be NaN
-    )
-    steepness: (
-        float  # logarithm of the mean square slope over the variance of heights [1/um^2]
-    )
-    sharpness: (
-        float  # logarithm of the mean square curvature over that of the slope [1/um^2]
-    )
+    # wanted logarithm of the mean square slope along x over that along y; NaN if one of them is 0
+    direction: float
+    # wanted logarithm of the mean square slope over the variance of the heights [1/um^2]
+    steepness: float
+    # wanted logarithm of the mean square curvature over the mean square slope [1/um^2]
+    sharpness: float
 
     def corrected(self) -> Values:
-        """Return the logarithms with the wanted direction and steepness, as far as possible.
+        """Return the logarithms with wanted direction, steepness and sharpness if possible.
 
-        First the power along x and y is changed, then that of long waves, which the window weighs
-        most, the power of all waves by an exponent of their wavenumber, and at last that of short
-        waves, for the curvature. A few rounds are enough, because these hardly change each other.
+        Four changes follow each other: of the power of waves along x against that of waves along
+        y; of the power of long waves, which the window changes most; of the power of all waves by
+        an exponent of their wavenumber; and of the power of short waves, for the curvature. A few
+        rounds are enough, because each of them hardly undoes the others.
         """
-        waves_x, waves_y = self._numbers_of_waves()
-        number = np.hypot(waves_x, waves_y)
-        is_long = 1 / (1 + (number / LONG) ** 4)
-        qx, qy = self.bands.middles
-        qx, qy = np.maximum(qx, qx[1] / 2)[:, None], np.maximum(qy, qy[1] / 2)[None, :]
-        along = (qx**2 - qy**2) / (qx**2 + qy**2) * (1 - is_long)
-        steep = np.log(np.maximum(number, 1.0))
-        is_short = qx**2 / qx.max() ** 2 + qy**2 / qy.max() ** 2
+        bands_x, bands_y = self.bands.middles
+        # number of waves on a side of the map, along their own direction
+        number = np.hypot(
+            (bands_x / bands_x[1])[:, None], (bands_y / bands_y[1])[None, :]
+        )
+        # Multiples of the following four patterns are added to the logarithms.
+        long_waves = 1 / (1 + (number / LONG) ** 4)
+        qx = np.maximum(bands_x, bands_x[1] / 2)[:, None]
+        qy = np.maximum(bands_y, bands_y[1] / 2)[None, :]
+        along_x = (qx**2 - qy**2) / (qx**2 + qy**2) * (1 - long_waves)
+        log_number = np.log(np.maximum(number, 1.0))
+        short_waves = qx**2 / qx.max() ** 2 + qy**2 / qy.max() ** 2
         logarithms = self.logarithms
         for _ in range(ROUNDS_OF_ROUGHNESS):
             if not math.isnan(self.direction):
                 logarithms = self._nearest(
-                    logarithms, along, MOST_DIRECTIONAL, self._direction_fault
+                    logarithms, along_x, MOST_DIRECTIONAL, self._direction_fault
                 )
             logarithms = self._nearest(
-                logarithms, is_long, math.log(MOST_FOR_LONG), self._steepness_fault
+                logarithms, long_waves, math.log(MOST_FOR_LONG), self._steepness_fault
             )
-            logarithms = self._nearest(logarithms, steep, STEEPEST, self._steepness_fault)
             logarithms = self._nearest(
-                logarithms, is_short, MOST_FOR_SHORT, self._sharpness_fault
+                logarithms, log_number, STEEPEST, self._steepness_fault
+            )
+            logarithms = self._nearest(
+                logarithms, short_waves, MOST_FOR_SHORT, self._sharpness_fault
             )
         return logarithms
-
-    def _numbers_of_waves(self) -> tuple[Values, Values]:
-        """Return the number of waves a side in each band along x and y, to broadcast."""
-        qx, qy = self.bands.middles
-        return (qx / qx[1])[:, None], (qy / qy[1])[None, :]
 
     def _nearest(
         self,
@@ -574,10 +579,15 @@ class _Correction:
         most: float,
         fault: Callable[[Values], float],
     ) -> Values:
-        """Add the multiple of a pattern, up to `most`, that makes a fault 0, or else smallest."""
+        """Add a multiple of a pattern to logarithms, so that a fault becomes 0.
+
+        The multiple is between -most and most. If no such multiple makes the fault 0, it is the one
+        of -most, 0 and most at which the size of the fault is smallest.
+        """
         from scipy.optimize import brentq
 
         def fault_of(multiple: float) -> float:
+            """Return the fault after a multiple of the pattern is added."""
             return fault(logarithms + multiple * pattern)
 
         at_least = fault_of(-most)
@@ -585,27 +595,29 @@ class _Correction:
         if at_least * at_most < 0:
             multiple = float(brentq(fault_of, -most, most, xtol=1e-4))
         else:
-            multiple = -most if abs(at_least) < abs(at_most) else most
+            multiple = most
+            if abs(at_least) < abs(at_most):
+                multiple = -most
             if abs(fault_of(0.0)) <= min(abs(at_least), abs(at_most)):
                 multiple = 0.0
         return logarithms + multiple * pattern
 
     def _direction_fault(self, logarithms: Values) -> float:
-        """Return by how much the logarithm of the slopes' ratio is off."""
+        """Return the excess of a spectrum's direction, see `direction`, over the wanted one."""
         densities = self.bands.spread(self.grid, logarithms)
         along_x = self.grid.total(densities * self.grid.slopes_x)
         along_y = self.grid.total(densities * self.grid.slopes_y)
         return _log_ratio(along_x, along_y) - self.direction
 
     def _steepness_fault(self, logarithms: Values) -> float:
-        """Return by how much the logarithm of mean square slope over variance is off."""
+        """Return the excess of a spectrum's steepness, see `steepness`, over the wanted one."""
         densities = self.bands.spread(self.grid, logarithms)
         slopes = self.grid.slopes_x + self.grid.slopes_y
         slope = self.grid.total(densities * slopes)
         return _log_ratio(slope, self.grid.total(densities)) - self.steepness
 
     def _sharpness_fault(self, logarithms: Values) -> float:
-        """Return by how much the logarithm of mean square curvature over slope is off."""
+        """Return the excess of a spectrum's sharpness, see `sharpness`, over the wanted one."""
         densities = self.bands.spread(self.grid, logarithms)
         curvatures = self.grid.slopes_x**2 + self.grid.slopes_y**2
         slopes = self.grid.slopes_x + self.grid.slopes_y
@@ -627,7 +639,8 @@ def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
     correlations = np.linspace(-1, 1, 8001)
     covariances = np.polynomial.polynomial.polyval(correlations, curve.hermite_powers)
     covariances -= curve.hermite_powers[0]
-    # What the window leaks is in the maps' periodograms, and in the wanted spectrum therefore.
+    # The wanted spectrum holds the power that the window has leaked, as the maps' periodograms do.
+    # So it is compared with the spectrum of the surfaces after the same leak.
     aim = _log_means(bands.means(grid, bands.spread(grid, wanted.logarithms)))
     field = wanted.logarithms.copy()
     for _ in range(ROUNDS):
@@ -650,16 +663,23 @@ def _log_means(spectrum: BandSpectrum) -> Values:
     return np.asarray(np.log(np.maximum(densities, 1e-300)))
 
 
-def _what_gives_way(of_surfaces: Sequence[Roughness], of_maps: Roughness) -> list[str]:
-    """Return sentences on numbers of the surfaces that are not those of the maps.
+def _what_gives_way(
+    population: Population, shape: tuple[int, int], of_maps: Roughness
+) -> list[str]:
+    """Return sentences on numbers of a population's surfaces that are not those of the maps.
 
-    The distribution of heights is kept. Where the spectrum cannot be had together with it, rms
-    slope and curvature show it.
+    The distribution of heights is kept. If the spectrum is not possible together with it, rms slope
+    and rms curvature differ. A few surfaces with the nodes `shape` are made and compared.
     """
+    of_surfaces = []
+    for number in range(TRIALS):
+        random = np.random.default_rng([TRIALS, number])
+        surface = generate_like(population, shape, shape, random)
+        of_surfaces.append(Roughness.of([surface], population.spacing))
     ratios = {
-        "rms slope": [one.slope / of_maps.slope for one in of_surfaces],
-        "rms curvature": [one.curvature / of_maps.curvature for one in of_surfaces],
-        "rms height": [one.rms_height / of_maps.rms_height for one in of_surfaces],
+        "rms slope": [rough.slope / of_maps.slope for rough in of_surfaces],
+        "rms curvature": [rough.curvature / of_maps.curvature for rough in of_surfaces],
+        "rms height": [rough.rms_height / of_maps.rms_height for rough in of_surfaces],
     }
     medians = {name: float(np.median(values)) for name, values in ratios.items()}
     return [

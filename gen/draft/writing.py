@@ -1,8 +1,10 @@
 """Write scenes for maps: TOML with comments that give the reasons for the values.
 
-Beside this module are templates of the two kinds of scenes, `windows.toml.in` and `like.toml.in`,
-and of two tables that both kinds have, `load.toml.in` and `contact.toml.in`. A placeholder of a
-template is a name after a dollar sign; `filled` puts texts in place of the placeholders.
+Beside this module are templates of the three kinds of scenes: `windows.toml.in` for windows of
+maps, `like.toml.in` for surfaces of a self-affine law, and `population.toml.in` for surfaces of a
+population. Two tables that all kinds have are in `load.toml.in` and `contact.toml.in`. A
+placeholder of a template is a name after a dollar sign; `filled` puts texts in place of the
+placeholders.
 """
 
 from __future__ import annotations
@@ -268,7 +270,7 @@ def _counted(number: int, noun: str) -> str:
 
 
 def _beginning(title: str, output: Path, command: str, surfaces: int) -> dict[str, str]:
-    """Return texts for the beginning of both kinds of scenes, by placeholder.
+    """Return texts for the beginning of all kinds of scenes, by placeholder.
 
     They are the title, commands for the user to type, and the numbers of surfaces and samples.
     """
@@ -399,7 +401,7 @@ def _reading_table(reading: Reading) -> str:
 
 
 def preparation_options(reading: Reading) -> str:
-    """Return the steps of a map's preparation, written as options of `gen contact`.
+    """Return the steps of a map's preparation as options of `gen contact` and `gen describe`.
 
     Parameters
     ----------

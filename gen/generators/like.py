@@ -33,8 +33,8 @@ from gen.surface import (
     pair,
 )
 
-# A patch without periodic borders is cut out of a period that is this number of times as long, or
-# as long as the longest waves of the maps if these are shorter.
+# Largest length of the period out of which a patch without periodic borders is cut, in sides of the
+# patch. The period is shorter if the longest waves of the maps are.
 LONGEST_PERIOD = 2
 FEWEST_PERIOD_NODES = 4  # nodes along an axis of a period that holds a wave
 
@@ -63,7 +63,7 @@ class RecordedPopulation(Table):
 
     @model_validator(mode="after")
     def _require_content_of_hash(self) -> Self:
-        """Refuse a text that is not the one of the hash, or no population."""
+        """Refuse a text whose SHA-256 is another one, or which is no population."""
         if hashlib.sha256(self.text.encode()).hexdigest() != self.sha256:
             raise conflict("the content of the population is not that of its SHA-256")
         try:
@@ -150,7 +150,7 @@ class LikeSurface(GeneratedSurface):
         return kept
 
     def sources(self) -> list[Path]:
-        """Return the population's file, if it is there: a recorded population needs none."""
+        """Return the population's file, unless the population is recorded and the file is gone."""
         path = Path(self.population)
         if self.found is not None and not path.is_file():
             return []
@@ -179,9 +179,12 @@ class LikeSurface(GeneratedSurface):
         return self.model_copy(update={"found": recorded})
 
     def remarks(self) -> list[str]:
-        """Return lines about the population: its maps, its spacing, and what is not like them."""
+        """Return lines about the population: its maps, its waves, and warnings.
+
+        The warnings are the sentences on properties of the maps that the surfaces do not have.
+        """
         population = self.recorded_population()
-        names = ", ".join(one.name for one in population.maps)
+        names = ", ".join(source.name for source in population.maps)
         longest = " x ".join(f"{length:.4g}" for length in population.longest)
         dx, dy = population.spacing
         nx, ny = pair(self.nodes)

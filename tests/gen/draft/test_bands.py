@@ -22,9 +22,8 @@ def test_the_leak_is_the_mean_periodogram_of_a_wave(wave):
         axis=0,
     )
     densities = np.zeros((24, 17))
-    densities[kx, ky] = (
-        GRID.area / 2
-    )  # unit variance, of which the opposite wave has half
+    # unit variance, of which the opposite wave has half
+    densities[kx, ky] = GRID.area / 2
     if ky == 0:
         densities[-kx, ky] = GRID.area / 2
     assert GRID.total(densities) == pytest.approx(1.0)
@@ -79,7 +78,6 @@ def test_bands_of_a_spread_spectrum_are_those_of_the_table():
     logarithms = np.zeros(bands.shape)
     densities = bands.spread(GRID, logarithms)
     assert densities[0, 0] == 0.0
-    assert (
-        densities[12] == 0.0
-    ).all()  # waves of two nodes along x; 33 nodes have none along y
+    # waves of two nodes along x; 33 nodes have none along y
+    assert (densities[12] == 0.0).all()
     assert densities[1:12, :] == pytest.approx(1.0)

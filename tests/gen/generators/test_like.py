@@ -61,10 +61,8 @@ def test_a_surface_is_one_of_the_population(folder):
     fitted = population(np.exp, spacing=(0.5, 1.0))
     assert fitted.nodes == (82, 82)
     period = scene.surface.period_nodes(scene.grid)
-    assert period == (
-        80,
-        90,
-    )  # at most two patches, at least the maps, with fast transforms
+    # at most two patches, otherwise as long as the maps, with fast transforms
+    assert period == (80, 90)
     heights = generate_like(fitted, (40, 48), period, surface_random(scene, 1))
     made = surface_of(scene, parameters(scene, 0, 6), 2)  # a row of the second surface
     assert made.min() == 0.0
