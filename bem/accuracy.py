@@ -1,20 +1,21 @@
 """A contact whose answers have the errors that are asked for, on the coarsest grid that gives them.
 
-The time of a contact grows with the square of its nodes a side. Whoever needs an area to a per cent
-rarely needs all nodes of a map. `solve_within` therefore solves the same surface on fewer nodes,
-beginning with the fewest whose bars of `Contact.grid_error` are expected to be as short as asked,
-and refines until they are.
+The time of a contact grows with the square of its nodes a side, and an area to one per cent rarely
+needs all nodes of a map. `solve_within` therefore solves the same surface on fewer nodes. It begins
+with the fewest nodes for which the bars of `Contact.grid_error` are expected to be as short as
+asked, and refines until they are.
 
-Three things make a contact on fewer nodes that of the given map:
+A contact on fewer nodes stands for that of the given map in three ways:
 
 - Its cells cover the same patch (`bem.coarsening`), so that force, mean pressure, area and mean gap
-  need no conversion. Also the border of a free patch stays half a spacing of the given map beyond
+  need no conversion. The border of a free patch, too, stays half a spacing of the given map beyond
   its outer nodes.
 - Delta counts from the highest node of the given map, see `Problem.datum`.
-- A bar compares a grid with a coarser one, and cannot see the waves that both of them have not.
-  Their part of the error follows from their share of the mean square slope. Under light loads the
-  area goes with the inverse of the rms slope (Persson 2001, J. Chem. Phys. 115), so that its
-  relative error is half of the share; the part that is counted is twice as large.
+- The error includes a part for the waves that the grid drops. A bar compares a grid with a coarser
+  one, and cannot see waves that are on neither of them. Their part follows from their share of the
+  mean square slope. Under light loads the area is proportional to the inverse of the rms slope
+  (Persson 2001, J. Chem. Phys. 115), so that its relative error is half of the share. The part is
+  twice as large as this.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -35,13 +36,14 @@ from bem.problem import RTOL, Problem, checked, pose, under_load
 from bem.solving import solve_posed
 from bem.threads import on_threads
 
-# Factor from a bar of 90 % to one of 95 % [1]. With it 97 to 100 % of the errors of each answer are
-# inside, on 340 contacts of the kinds of `python -m bench grid-error`.
+# Factor from a bar of 90 % to one of 95 % [1]. `python -m bench accuracy` counts the errors that
+# are inside.
 TO_95_PERCENT = 1.25
 
-# Relative error of the area per share of the mean square slope that is dropped [1]. From a share of
-# 3 % on, 95 % of the errors are below it. Smaller ones go with the root of the share; with the
-# error of the grid they stay within what is asked.
+# Relative error of the area per share of the mean square slope that is dropped [1]. For shares of
+# 3 % and more, 95 % of the errors are below it. For smaller shares, errors are proportional to the
+# root of the share. Together with the error of the grid, they stay within the error asked for
+# (`python -m bench accuracy`).
 OF_DROPPED = 1.0
 
 # Largest part of the error asked for that the waves dropped by a grid may use up; grids that drop
@@ -52,34 +54,40 @@ MOST_FOR_WAVES = 0.5
 OF_TOLERANCE = 0.1
 LOOSEST = 1e-2
 
-# Largest violation that the solver may leave over the mean gap, over the error that is asked for
+# Largest violation that the solver may leave, over the mean gap times the error that is asked for
 # [1]. Near full contact the gap is a small part of Delta, and a violation that is as large as the
-# gap closes it. One of a tenth of the gap changes gap, force and stiffness by 1 % at most.
+# gap closes it. A violation of a tenth of the gap changes gap, force and stiffness by at most 1 %.
 OF_GAP = 3.0
 
-# Fewest nodes along an axis of a grid that is tried. Half of them judge it, and where these are
-# fewer than 16, areas of both grids agree by chance too often.
+# Fewest nodes along an axis of a grid that is tried. A grid of half of them judges it. With fewer
+# than 16 nodes there, the areas on both grids agree by chance too often.
 FEWEST_TRIED = 4 * FEWEST
 
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)
 
-# Bar at 95 % that is expected of the area on the first grid, over the area: a factor times the
-# share of the mean square slope that twice the spacing loses (`Coarsening.lost_slope`) [1]. Where
-# more is lost than `MOST_LOST`, of waves with fewer than 8 nodes, most bars do not hold. From grid
-# to grid, bars fall with a power of the share. These numbers only say which grids are tried: with
-# them, searches for 3 and 1 % on 48 spectral surfaces of 512 and 1,024 nodes cost least.
+# The next four numbers only tell which grids are tried. They are those with which searches on
+# spectral surfaces cost least; `python -m bench accuracy` measures this cost.
+
+# Bar at 95 % of the area that is expected on the first grid, over the area and over the share of
+# the mean square slope that twice the spacing loses (`Coarsening.lost_slope`) [1].
 EXPECTED_BAR = 0.07
+
+# Factor of this bar on free patches [1].
 ON_FREE_PATCH = 2.5
+
+# Largest lost share with which bars are expected to hold [1]. Waves of 8 nodes lose this share.
 MOST_LOST = 0.15
+
+# Power of the lost share by which bars fall from grid to grid [1].
 BY_LOST_SLOPE = 0.6
 
-# Ratio of the nodes a side to those of the last trial from which a grid is always tried [1].
+# Least ratio of a grid's nodes a side to those of the last trial with which it is tried whatever is
+# expected of it [1].
 FURTHEST = 2.0
 
-# Error that is expected on the given map, over the one asked for, above which the map is not tried
-# after a coarser grid [1]. Of 498 pairs of grids, the bar of the finer one was more than so many
-# times shorter than expected in less than 1 %.
+# Error that is expected on the given map, over the error asked for, above which the map is not
+# tried after a coarser grid [1]. Bars are hardly ever shorter than expected by more than this.
 HOPELESS = 6.0
 
 # Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
@@ -120,9 +128,9 @@ class NotReachable(ArithmeticError):
     Attributes
     ----------
     budget : Budget
-        What was tried; empty where the given map alone tells that no grid will do.
+        The grids that were tried; none where the given map alone tells that no grid is fine enough.
     contact : Contact or None
-        The contact with the smallest errors, None if there is none with a bar.
+        The contact with the smallest errors, None if no contact has a bar that holds.
     """
 
     def __init__(
@@ -187,8 +195,8 @@ def solve_within(
         that are not above 1e-14 and below 1.
         NoSolution, a ValueError, for a load that no equilibrium carries, see `bem.solve`.
     NotReachable
-        If no grid up to the given map has bars as short as asked. It says what the best bar is, and
-        why there is no better one.
+        If no grid up to the given map has bars as short as asked. Its message has the best bar, and
+        the reason why there is no better one.
     """
     errors = checked_errors(error)
     surface = Surface(heights, side, **settings)
@@ -200,9 +208,8 @@ def solve_within(
 class Surface:
     """A surface and its bodies, prepared once for contacts within errors under several loads.
 
-    The loads share what does not depend on them: checks of the map, its waves, and the surface on
-    fewer nodes. A contact is the same as that of the function `solve_within`, whatever loads were
-    solved before.
+    The loads share the checks of the map, its waves, and the surface on fewer nodes. A contact is
+    the same as that of the function `solve_within`, whatever loads were solved before.
 
     Parameters
     ----------
@@ -228,7 +235,7 @@ class Surface:
                 raise ValueError(
                     f"{name} is given: a surface is prepared for all loads; give it to solve_within"
                 )
-        # A datum, though 0, makes the cells of all grids cover the same patch (`coarser`).
+        # With a datum, even of 0, the cells of all grids cover the same patch (`coarser`).
         self._unloaded = replace(pose(heights, side, 0.0, **settings), datum=0.0)
         self._coarsening = Coarsening(
             self._unloaded.heights, self._unloaded.boundary, self._unloaded.aspect
@@ -351,31 +358,26 @@ class _Search:
         self.coarsening = coarsening
         self.asked_errors = asked
         self.trials: list[Trial] = []
-        self.best_contact: Contact | None = (
-            None  # of the trial with the smallest error ratio
-        )
-        self.contact_by_nodes: dict[tuple[int, ...], Contact] = {}  # of all trials
+        # The contact of the trial with the smallest error ratio.
+        self.best_contact: Contact | None = None
+        # The contacts of all trials by the nodes of their grids.
+        self.contact_by_nodes: dict[tuple[int, ...], Contact] = {}
 
     @property
     def budget(self) -> Budget:
-        """What was tried up to now."""
+        """The grids that were tried so far."""
         rows, columns = self.map_problem.heights.shape
         return Budget((rows, columns), self.map_problem.rtol, tuple(self.trials))
 
     def solve(self) -> Contact:
-        """Return the contact on the coarsest grid with the errors asked for, with its budget.
+        """Return the contact on the coarsest grid that meets the errors, with its budget.
 
         Raises
         ------
         NotReachable
-            If there is none.
+            If no grid meets the errors.
         """
-        load = (
-            self.map_problem.force
-            if self.map_problem.delta is None
-            else self.map_problem.delta
-        )
-        if load is None or load <= 0:  # nothing touches, which is exact on any grid
+        if not self._is_loaded:  # nothing touches, which is exact on any grid
             return solve_posed(self.map_problem).with_budget(self.budget)
         self._refuse_endless_waves()
         for nodes in grids(self.map_problem.heights.shape):
@@ -397,6 +399,13 @@ class _Search:
                 return contact.with_budget(self.budget)
         raise NotReachable(self._message(), self.budget, self.best_contact)
 
+    @property
+    def _is_loaded(self) -> bool:
+        """Whether the force or the displacement is above zero."""
+        if self.map_problem.delta is None:
+            return bool(self.map_problem.force)
+        return self.map_problem.delta > 0
+
     def _is_worth_trying(self, nodes: tuple[int, int]) -> bool:
         """Return whether a grid may meet the errors, judging by the last trial or the map alone."""
         map_nodes = self.map_problem.heights.shape
@@ -405,7 +414,8 @@ class _Search:
         if not self.trials:
             if is_map or self._expected_bar(nodes) <= least:
                 return True
-            # A grid of half of the nodes a side tells whether the map is hopeless.
+            # Even the map is expected to miss the errors. A grid of half of its nodes a side costs
+            # less, and tells whether the map is hopeless.
             is_half = FURTHEST * max(nodes) >= max(map_nodes)
             return is_half and HOPELESS * least < self._expected_bar(map_nodes) < math.inf
         last = self.trials[-1]
@@ -419,7 +429,7 @@ class _Search:
         return is_far or expected_ratio <= 1
 
     def _expected_bar(self, nodes: tuple[int, ...]) -> float:
-        """Return the bar of the area that the map's slopes let expect of a grid, over the area [1].
+        """Return the relative bar of the area that is expected on a grid by the map's slopes [1].
 
         It is infinite where most bars do not hold.
         """
@@ -441,16 +451,16 @@ class _Search:
         if not self._has_endless_waves(self.map_problem):
             return
         raise NotReachable(
-            f"{self._in_words(self.asked_errors)} not reachable on any grid: waves go on down"
+            f"{_in_words(self.asked_errors)} not reachable on any grid: waves go on down"
             " to the grid of the given map, so that no bar holds: give a map whose shortest wave"
             " has 8 nodes or more",
             self.budget,
         )
 
     def _has_endless_waves(self, problem: Problem) -> bool:
-        """Return whether waves go on down to a grid, so that elastic bodies' area has no limit.
+        """Return whether waves continue down to a grid, so that the area has no limit.
 
-        It is always False for bodies that may yield.
+        It is False for bodies that may yield, whose area the hardness bounds.
         """
         if problem.hardness is not None:
             return False
@@ -515,9 +525,9 @@ class _Search:
         return contact
 
     def _solved(self, problem: Problem) -> Contact:
-        """Solve on a grid; again with a tighter tolerance if the gap is small against Delta.
+        """Solve on a grid, and again with a tighter tolerance if the gap is small against Delta.
 
-        The convolutions of both solves are counted.
+        The contact has the convolutions of both solves.
         """
         contact = solve_posed(problem)
         if contact.delta == 0:  # a flat surface
@@ -532,15 +542,15 @@ class _Search:
         return replace(tighter, convolutions=convolutions)
 
     def _message(self) -> str:
-        """Say that the errors are not reachable, what the best bars are, and why."""
-        asked_text = self._in_words(self.asked_errors)
+        """Return the message that the errors are not reachable, with the best bars and a reason."""
+        asked_text = _in_words(self.asked_errors)
         unreachable = f"{asked_text} not reachable on the nodes of the given map"
         judged = [trial for trial in self.trials if trial.error_ratio < math.inf]
         if not judged:
             reason = self.trials[-1].reason if self.trials else "no grid could be tried"
             return f"{unreachable}, no bar holds: {reason}"
         best = min(judged, key=lambda trial: trial.error_ratio)
-        reached_text = self._in_words(
+        reached_text = _in_words(
             {name: parts.total for name, parts in best.errors.items()}
         )
         rows, columns = best.nodes
@@ -555,11 +565,10 @@ class _Search:
             " a wave"
         )
 
-    def _in_words(self, errors: Mapping[str, float]) -> str:
-        """Return errors as text, for example "area to 1 %"."""
-        return ", ".join(
-            f"{name} to {100 * value:.2g} %" for name, value in errors.items()
-        )
+
+def _in_words(errors: Mapping[str, float]) -> str:
+    """Return errors as text, for example "area to 1 %"."""
+    return ", ".join(f"{name} to {100 * value:.2g} %" for name, value in errors.items())
 
 
 def error_parts(
@@ -567,8 +576,8 @@ def error_parts(
 ) -> ErrorParts:
     """Return the relative error of an answer at 95 %, by its causes.
 
-    The area's error for dropped waves serves for every answer, and so does the tolerance, which is
-    relative to Delta.
+    The part for dropped waves is that of the area, and the part for the solver is the tolerance
+    relative to Delta, whatever the answer is.
 
     Parameters
     ----------
@@ -620,7 +629,8 @@ def tolerance_for(asked: Mapping[str, float]) -> float:
 def _relative_bar(contact: Contact, error: GridError, name: str) -> float:
     """Return the half-width of an answer's 90 % bar over its value, infinite if it does not hold.
 
-    Where yielding decides the area of a surface without a limit, it decides no other answer.
+    Where waves continue down to the grid, the bar of the area may hold because yielding decides the
+    area. The bars of the other answers do not hold then.
     """
     if not error.verdicts[name] or contact.contact_nodes == 0:
         return math.inf
@@ -679,7 +689,7 @@ def grids(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
 
 
 def _fast_nodes(nodes: float) -> int:
-    """Return a number of nodes, at least the given one, that is four times a fast length."""
+    """Return a number of nodes, at least `nodes`, that is four times a fast length."""
     from scipy.fft import next_fast_len  # here, because few contacts need it
 
     return 4 * int(next_fast_len(math.ceil(nodes / 4), real=True))

@@ -1,4 +1,4 @@
-"""What an answer's error is made of, and what was tried to get it: the record beside a contact."""
+"""The parts of the errors of a contact's answers, and the grids that were tried to reach them."""
 
 from __future__ import annotations  # short signatures in help()
 
@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ErrorParts:
-    """Relative error of one answer, kept with a probability of 95 %, by its causes.
+    """Bound of the relative error of one answer at 95 %, by the causes of the error.
 
     Attributes
     ----------
     asked_error : float
         Largest relative error that was asked for [1].
     grid : float
-        Error that the grid makes with the waves that it keeps, infinite where no bar holds [1].
+        Part for the grid and the waves that it keeps, infinite where no bar holds [1].
     waves : float
-        Error for the waves of the given map that the grid has dropped [1].
+        Part for the waves of the given map that the grid drops [1].
     solver : float
-        Error for the tolerance of the solver [1].
+        Part for the tolerance of the solver [1].
     """
 
     asked_error: float
@@ -54,10 +54,10 @@ class Trial:
     reason : str
         Reason why the answers hold or do not hold, without a full stop.
     convolutions : float
-        Cost of the contact, and of those coarser ones that were solved only to judge it. The unit
-        is a convolution on this grid [1].
+        Cost of the contact, and of the coarser contact if it was solved only to judge this one, in
+        convolutions on this grid [1].
     work : float
-        The same cost. The unit is a convolution on the given map [1].
+        The same cost, in convolutions on the given map [1].
     """
 
     nodes: tuple[int, int]
@@ -93,9 +93,9 @@ class Budget:
     tolerance : float
         Tolerance of the solver [Delta].
     trials : tuple of Trial
-        The grids that were tried, in this order. The last one is that of the contact, but in
-        `NotReachable` any of them may be the best. Empty without a load: nothing touches, which is
-        exact.
+        The grids that were tried, in this order. The last one is that of the contact; in
+        `NotReachable`, any of them may be the best. There are none without a load: nothing touches,
+        which is exact on any grid.
     """
 
     map_nodes: tuple[int, int]
@@ -104,12 +104,12 @@ class Budget:
 
     @property
     def errors(self) -> Mapping[str, ErrorParts]:
-        """Errors of the answers that were asked for, by their names."""
+        """Errors of the answers on the last grid that was tried, by their names."""
         return self.trials[-1].errors if self.trials else {}
 
     @property
     def nodes(self) -> tuple[int, int]:
-        """Nodes of the contact's grid."""
+        """Nodes of the last grid that was tried, which is that of the contact."""
         return self.trials[-1].nodes if self.trials else self.map_nodes
 
     @property

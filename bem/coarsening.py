@@ -1,9 +1,10 @@
 """A map on fewer nodes: the same patch, the same waves, and the share of them that is lost.
 
 The nodes of the coarser grid are the centres of larger cells that cover the same patch. The surface
-is read there by its own waves: by Fourier's on a periodic patch, by cosines on a mirrored one. On a
-free patch it is read by polynomials of the fifth degree between the nodes; where each larger cell
-has an odd number of cells along both axes these are every third or every fifth node of the map.
+is interpolated there by its own waves: by Fourier's on a periodic patch, by cosines on a mirrored
+one. On a free patch it is interpolated by polynomials of the fifth degree. Where a larger cell has
+an odd number of the map's cells along both axes, its centre is a node of the map, whose height it
+has.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -19,17 +20,16 @@ from bem.arrays import Field, Nodes, Values
 from bem.problem import Boundary
 from bem.threads import computed_once
 
-# Number of nodes along an axis from whose heights one between them is interpolated, on free maps.
+# Number of nodes along an axis from which a height between nodes is interpolated on free maps.
 NODES_BESIDE = 6
 
-# Most lines of a map, about, on which slopes are measured along each axis.
+# Approximate largest number of lines of a map on which slopes are measured along each axis.
 LINES = 64
 
 # Largest share of the mean square slope of waves that are left out of a transform [1].
 NEGLIGIBLE = 1e-9
 
-# Least share of the mean square slope that twice the spacing of a grid loses [1]: smaller ones are
-# those of surfaces without waves.
+# Least result of `Coarsening.lost_slope`, which surfaces without waves have [1].
 LEAST_LOST = 1e-4
 
 
@@ -42,7 +42,7 @@ class CoarserMap:
     heights : ndarray, shape (mx, my)
         Heights, read-only [um].
     dropped : float
-        Share of the given map's mean square slope that is not on this one [1].
+        Share of the given map's mean square slope that this map lacks [1].
     """
 
     heights: Field
@@ -60,7 +60,7 @@ def sampled_lines(heights: Field) -> tuple[Field, Field]:
     Returns
     -------
     along, across : ndarray, shapes (nx, k) and (ny, m)
-        Lines along the first and along the second axis, at most about `LINES`. Nodes of a line
+        Lines along the first and along the second axis, about `LINES` at most. The nodes of a line
         follow each other along the first axis of both arrays [um].
     """
     rows, columns = heights.shape
@@ -70,7 +70,7 @@ def sampled_lines(heights: Field) -> tuple[Field, Field]:
 
 
 class Coarsening:
-    """A map that is read on fewer nodes, each grid once.
+    """A map that is read on coarser grids, on each of them once.
 
     Parameters
     ----------
@@ -121,10 +121,10 @@ class Coarsening:
         return self._map_by_nodes[nodes]
 
     def lost_slope(self, nodes: tuple[int, ...]) -> float:
-        """Return the share of the mean square slope that twice the spacing of a grid loses.
+        """Return the share of a grid's mean square slope that is lost at twice its spacing.
 
-        Slopes are measured on some lines of the map, along the axis that loses more. The share
-        is sin(pi / n)^2 where a wave has n nodes of the grid.
+        Slopes are those between neighbouring nodes, on some lines of the map along the axis that
+        loses more. For a wave with n nodes of the grid the share is sin(pi / n)^2.
 
         Parameters
         ----------
@@ -136,12 +136,15 @@ class Coarsening:
         float
             Share, at least 1e-4 [1].
         """
-        most_lost, share = 0.0, LEAST_LOST
+        most_lost = 0.0
+        share = LEAST_LOST
         for axis, slopes in enumerate(self._slopes):
             step = self.heights.shape[axis] / nodes[axis]
-            near, far = slopes.over(step), slopes.over(2 * step)
+            near = slopes.over(step)
+            far = slopes.over(2 * step)
             if near - far > most_lost:
-                most_lost, share = near - far, max(1 - far / near, LEAST_LOST)
+                most_lost = near - far
+                share = max(1 - far / near, LEAST_LOST)
         return share
 
     @computed_once
@@ -160,13 +163,13 @@ class Coarsening:
 
     @computed_once
     def _unit(self) -> float:
-        """Power of two near the range of the lines: squares of heights in it stay in range [um]."""
+        """Power of two near the range of the lines: squares of heights in it stay finite [um]."""
         largest = max(float(np.ptp(lines)) for lines in self.lines)
         return math.ldexp(1.0, math.frexp(largest)[1])
 
     @computed_once
     def _reduced_lines(self) -> tuple[Field, Field]:
-        """The lines in units of their range."""
+        """The lines of the map along both axes in units of `_unit`."""
         along, across = self.lines
         return along / self._unit, across / self._unit
 
@@ -219,9 +222,9 @@ class _SlopesOverDistances:
 class _Waves:
     """The waves of a patch without edges.
 
-    The mean square slope of a wave is the square of its amplitude times the sum of a function of
-    its first number and one of its second number, so that sums over many waves are products of
-    matrices.
+    The mean square slope of a wave is the square of its amplitude times the sum of two functions,
+    one of its number along the first axis and one of its number along the second axis. Sums over
+    many waves are therefore products of matrices.
 
     Attributes
     ----------
@@ -230,15 +233,15 @@ class _Waves:
         shortest waves along the second axis are left out where they have next to no slope, see
         `NEGLIGIBLE` [unit of heights].
     along, across : ndarray of int, shape (nx,) and (ky,)
-        Waves in the patch, or half waves in a mirrored one; negative ones of the first axis of a
-        periodic patch run the other way.
+        Numbers of the waves along both axes: waves in a periodic patch, or half waves in a mirrored
+        one. Those along the first axis of a periodic patch have either sign.
     times_along, times_across : ndarray, shapes of along and across
-        Number of waves for which an amplitude stands, by axis: 2 if it stands also for the wave the
-        other way [1].
+        Number of waves that an amplitude represents, by axis: 2 if it represents the wave of the
+        opposite sign as well [1].
     steepness_along, steepness_across : ndarray, shapes of along and across
         Mean square slopes of waves of a unit amplitude by their numbers, in an arbitrary unit.
     left_out : float
-        Mean square slope of the waves that are left out, or more, in the same unit.
+        Upper bound of the mean square slope of the waves that are left out, in the same unit.
     is_periodic : bool
         Whether the patch is periodic.
     """
@@ -255,9 +258,10 @@ class _Waves:
 
     @classmethod
     def of(cls, heights: Field, aspect: float, *, is_periodic: bool) -> _Waves:
-        """Return the waves of a patch of cells with an aspect, second side over first.
+        """Transform the heights of a patch, (nx, ny), whose mean is zero.
 
-        Heights have a mean of zero. The nodes of a mirrored patch are the centres of its cells.
+        `aspect` is the second side of a cell over its first. The nodes of a mirrored patch are the
+        centres of its cells.
         """
         from scipy import fft  # here, because few contacts need it
 
@@ -266,7 +270,7 @@ class _Waves:
             along = np.rint(fft.fftfreq(rows, 1 / rows)).astype(np.intp)
             across = np.arange(columns // 2 + 1)
             times_along = np.ones(rows)
-            stands_for_one = (across == 0) | (2 * across == columns)
+            is_single = (across == 0) | (2 * across == columns)
             of_rows: NDArray[Any] = fft.rfft(heights, norm="forward")
             parts = of_rows.view(np.float64)  # real and imaginary parts beside each other
             squares = np.einsum("ij,ij->j", parts, parts).reshape(-1, 2).sum(axis=1)
@@ -274,15 +278,16 @@ class _Waves:
             along = np.arange(rows)
             across = np.arange(columns)
             times_along = np.where(along == 0, 1.0, 2.0)
-            stands_for_one = across == 0
+            is_single = across == 0
             of_rows = fft.dct(heights, norm="forward")
             squares = np.einsum("ij,ij->j", of_rows, of_rows)
-        times_across = np.where(stands_for_one, 1.0, 2.0)
+        times_across = np.where(is_single, 1.0, 2.0)
         steepness_along = (along / rows) ** 2
         steepness_across = (across / columns / aspect) ** 2
         of_number = times_across * squares / rows
         left_out = _steepest_from(of_number, steepness_across, steepness_along.max())
-        # Among waves of a number across, those of the longest wave along are the least steep ones.
+        # A lower bound of the mean square slope of all waves: as if each number across had only its
+        # least steep wave.
         least = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
         kept = int(np.argmax(left_out <= NEGLIGIBLE * least))
         if is_periodic:
@@ -302,7 +307,7 @@ class _Waves:
         )
 
     def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
-        """Return the heights of those waves that fewer nodes have, and the share of the others.
+        """Return the heights by the waves that fewer nodes can have, and the share of the others.
 
         Parameters
         ----------
@@ -362,7 +367,10 @@ class _Waves:
 def _steepest_from(
     squares: Values, steepness_across: Values, steepest_along: float
 ) -> Values:
-    """Return the largest mean square slopes that waves from each number across on may have, (k,).
+    """Return upper bounds of the mean square slopes of the waves that may be left out, (k,).
+
+    For each number across, they are the waves with this number and all higher ones. The last bound
+    is 0, that of no waves.
 
     Parameters
     ----------
@@ -378,7 +386,7 @@ def _steepest_from(
 
 
 def _read_free(heights: Field, nodes: tuple[int, int]) -> Field:
-    """Return a free surface [um] at the centres of larger cells, shape `nodes`."""
+    """Interpolate the heights of a free map at the centres of larger cells, shape `nodes` [um]."""
     along, across = (
         _interpolation(all_nodes, _places(all_nodes, fewer))
         for all_nodes, fewer in zip(heights.shape, nodes, strict=True)
@@ -392,10 +400,10 @@ def _places(nodes: int, fewer: int) -> Values:
 
 
 def _interpolation(nodes: int, places: Values) -> Any:
-    """Return weights of the heights at nodes in those at places [spacing], sparse, (m, nodes).
+    """Return the sparse matrix, (m, nodes), by which heights at nodes give heights at places, (m,).
 
-    Each height is on Lagrange's polynomial through the `NODES_BESIDE` nodes around its place. A
-    place at a node has the height of this node.
+    The places are in units of the spacing. Each height is on Lagrange's polynomial through the
+    `NODES_BESIDE` nodes around its place. A place at a node has the height of this node.
     """
     from scipy.sparse import csr_array  # here, because few contacts need it
 
@@ -408,7 +416,7 @@ def _interpolation(nodes: int, places: Values) -> Any:
         for other in range(beside):
             if other != number:
                 weights[:, number] *= (from_first - other) / (number - other)
-    columns = first[:, None] + np.arange(beside)
+    columns = first[:, np.newaxis] + np.arange(beside)
     ends = beside * np.arange(places.size + 1)
     shape = (places.size, nodes)
     return csr_array((weights.ravel(), columns.ravel(), ends), shape=shape)
@@ -417,10 +425,10 @@ def _interpolation(nodes: int, places: Values) -> Any:
 def _dropped_from_free(
     shape: tuple[int, ...], fewer: Field, lines: tuple[Field, Field], aspect: float
 ) -> float:
-    """Return the share of a free map's mean square slope that fewer nodes have not [1].
+    """Return the share of a free map's mean square slope that fewer nodes lack [1].
 
-    It is that of the difference to the surface that is interpolated back from them, on some lines
-    of the map: at least the waves that are lost.
+    It is the share of the difference between the map and the surface that is interpolated back from
+    fewer nodes, on some lines of the map. The waves that are lost are a part of this difference.
 
     Parameters
     ----------
@@ -457,12 +465,15 @@ class _SquaredSlopes:
 
 
 def _squared_slopes(lines: Field, fewer: Field, across: int) -> _SquaredSlopes:
-    """Return mean square slopes along the first axis of lines.
+    """Compute mean square slopes along lines of a map, and of their difference to fewer nodes.
+
+    Only places between the outermost of the fewer nodes are compared.
 
     Parameters
     ----------
     lines : ndarray, shape (nx, k)
-        Lines of the map at regular distances, beginning with its border [unit of heights].
+        Lines along the map's first axis at regular distances, beginning with its border
+        [unit of heights].
     fewer : ndarray, shape (mx, my)
         Heights on fewer nodes [unit of heights].
     across : int
@@ -470,15 +481,17 @@ def _squared_slopes(lines: Field, fewer: Field, across: int) -> _SquaredSlopes:
     """
     nodes = lines.shape[0]
     steps = nodes / fewer.shape[0], across / fewer.shape[1]
-    # places of the map's nodes and of its lines between the fewer nodes
+    # Places of the map's nodes and of its lines, in spacings of the fewer nodes.
     places = (np.arange(nodes) + 0.5) / steps[0] - 0.5
     line_numbers = np.arange(lines.shape[1]) * max(1, across // LINES)
     line_places = (line_numbers + 0.5) / steps[1] - 0.5
     inside = (places >= 0) & (places <= fewer.shape[0] - 1)
-    among = (line_places >= 0) & (line_places <= fewer.shape[1] - 1)
-    on_lines = _interpolation(fewer.shape[1], line_places[among]) @ fewer.T
+    lines_inside = (line_places >= 0) & (line_places <= fewer.shape[1] - 1)
+    on_lines = _interpolation(fewer.shape[1], line_places[lines_inside]) @ fewer.T
     read_back = _interpolation(fewer.shape[0], places[inside]) @ on_lines.T
-    map_lines = lines[inside][:, among]
+    map_lines = lines[inside][:, lines_inside]
     slopes = np.diff(map_lines, axis=0)
     differences = np.diff(map_lines - read_back, axis=0)
-    return _SquaredSlopes(float(np.mean(slopes**2)), float(np.mean(differences**2)))
+    return _SquaredSlopes(
+        of_map=float(np.mean(slopes**2)), of_difference=float(np.mean(differences**2))
+    )

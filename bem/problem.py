@@ -41,11 +41,11 @@ DEEPEST = 1e10
 # displacement of 0 is allowed.
 FLATTEST = 1e-300
 
-# Difference of the compliance from that of the body's surface below which the rest of the body
-# makes no difference at the border of contact [1].
+# Largest difference of a body's relative compliance from 1, for the shortest waves of the grid,
+# with which the material at the surface alone decides the pressure at the border of contact [1].
 OF_SURFACE = 0.1
 
-# Number of waves whose compliance is checked.
+# Number of wave numbers, from the longest to the shortest wave, whose compliance is checked.
 WAVES = 9
 
 # Largest double below zero: ranges that exclude it include zero.
@@ -70,8 +70,8 @@ ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
     "boundary": BOUNDARIES,
 }
 
-# Arguments that do not go with a body, and their defaults.
-ALONE: dict[str, Any] = {
+# Arguments that are refused beside a body, and their defaults.
+WITHOUT_BODY: dict[str, Any] = {
     "modulus": 1.0,
     "poisson": 0.0,
     "kernel": "uniform-pressure",
@@ -122,9 +122,10 @@ class Problem:
     boundary : str
         "free", "periodic" or "mirror", see `bem.solve`.
     datum : float or None
-        Height above the highest node from which Delta counts, None for the highest node itself. On
-        fewer nodes of a surface it is the highest node of all of them, so that Delta stays the
-        same displacement; it is below 0 where a wave rises between the nodes of the surface [um].
+        Height from which Delta counts, relative to the highest node; None for the highest node
+        itself. On fewer nodes of a map, Delta counts from the highest node of the whole map, so
+        that it is the same displacement on every grid. The datum is below 0 where the surface
+        between the nodes of the map is higher than all of them [um].
     """
 
     heights: Field = field(repr=False)
@@ -156,21 +157,27 @@ class Problem:
 
     @property
     def has_most_delta(self) -> bool:
-        """Whether Delta of elastic bodies ends at full contact: no uniform pressure moves it."""
+        """Whether Delta of elastic bodies ends at full contact, as on half-spaces without edges.
+
+        A uniform pressure displaces nothing there, so that more load changes Delta no further.
+        """
         return self.boundary != "free" and not self.body.mean_compliance > 0
 
     @property
     def touches_by_overlap(self) -> bool:
         """Whether nodes whose undeformed surfaces do not overlap stay apart.
 
-        On a half-space a pressure displaces every other node downwards. Beside a load on a layer
-        the surface may rise, and without edges its mean stays.
+        On a free half-space a pressure displaces every node downwards. A layer may rise beside a
+        load, and so does the surface of a patch without edges, whose mean stays in place.
         """
         return self.boundary == "free" and self.body.is_homogeneous
 
     @property
     def is_deeper_than_cells(self) -> bool:
-        """Whether the shortest waves of the grid feel next to nothing but the body's surface."""
+        """Whether the material at the surface decides the compliance of the grid's shortest waves.
+
+        The limit is `OF_SURFACE`.
+        """
         shortest = np.array([math.pi / max(self.spacing)])
         relative = np.ravel(self.body.relative_compliance(shortest))
         return abs(float(relative[0]) - 1) < OF_SURFACE
@@ -355,9 +362,9 @@ def under_load(
 
 
 def _refuse_beside_body(**arguments: Any) -> None:
-    """Refuse arguments that differ from their defaults: a body has them, or excludes them."""
+    """Refuse arguments that differ from their defaults beside a body, which replaces them."""
     for name, value in arguments.items():
-        if isinstance(value, np.ndarray) or value != ALONE[name]:
+        if isinstance(value, np.ndarray) or value != WITHOUT_BODY[name]:
             raise ValueError(
                 f"{name} = {shown(value)} beside a body: the body has its own material, and a rigid"
                 " far field"
@@ -385,7 +392,7 @@ def check_solvable(problem: Problem, pressure: float | None = None) -> None:
     problem : Problem
         The problem.
     pressure : float, optional
-        The mean pressure that its force was computed from, if it was [MPa].
+        Mean pressure from which the force was computed, for messages; None if it was not [MPa].
 
     Raises
     ------
@@ -425,7 +432,10 @@ def _check_combinations(problem: Problem) -> None:
 
 
 def _check_compliance(problem: Problem) -> None:
-    """Refuse a body whose compliance is not a number above 0, from the patch to the cell."""
+    """Refuse a body whose compliance is out of range for a wave of the patch or the grid.
+
+    On a free patch, also refuse a layer that is too thin for a table of influence coefficients.
+    """
     if problem.body.is_homogeneous:
         return
     is_free = problem.boundary == "free"

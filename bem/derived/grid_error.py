@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bem.arrays import Field
+from bem.arrays import Field, Nodes
 from bem.derived.coarser import coarser
 from bem.far_field import BeyondCriticalDelta
 from bem.problem import Boundary, NoSolution, check_solvable
@@ -447,24 +447,32 @@ def _touches_at_creases(contact: Contact) -> bool:
     heights = contact.problem.heights
     rows, columns = np.nonzero(contact.pressure > 0)
     sums: list[tuple[float, float]] = []
-    for axis, lines in ((0, heights), (1, heights.T)):
-        along, across = (rows, columns) if axis == 0 else (columns, rows)
+    for lines, along, across in ((heights, rows, columns), (heights.T, columns, rows)):
         nodes = lines.shape[0]
         if nodes < FEWEST:
             continue
+        known = np.ones(along.size, dtype=bool)
         if contact.problem.boundary != "periodic":  # pairs beyond a border are unknown
-            inside = (along >= 2) & (along < nodes - 2)
-            along, across = along[inside], across[inside]
-        squares = []
-        for distance in (1, 2):
-            before = lines[along - distance, across]
-            after = lines[(along + distance) % nodes, across]
-            second = before + after - 2 * lines[along, across]
-            squares.append(float(second @ second))
-        sums.append((squares[0], squares[1]))
+            known = (along >= 2) & (along < nodes - 2)
+        squares_over_one = _squared_bends(lines, along[known], across[known], distance=1)
+        squares_over_two = _squared_bends(lines, along[known], across[known], distance=2)
+        sums.append((squares_over_one, squares_over_two))
     over_one, over_two = max(sums, default=(0.0, 0.0))
     rounding = (1e-13 * float(np.ptp(heights))) ** 2 * heights.size
     return over_one > rounding and over_two < OF_CREASES * over_one
+
+
+def _squared_bends(lines: Field, along: Nodes, across: Nodes, *, distance: int) -> float:
+    """Sum the squares of second differences along the first axis at some nodes [um2].
+
+    `along` and `across`, (n,), are the indices of the nodes along the first and the second axis of
+    `lines`. The other two nodes of a difference are at a distance from each node; lines continue
+    periodically.
+    """
+    before = lines[along - distance, across]
+    after = lines[(along + distance) % lines.shape[0], across]
+    bend = before + after - 2 * lines[along, across]
+    return float(bend @ bend)
 
 
 def _opened_between_nodes(contact: Contact) -> _Opened:
@@ -481,7 +489,7 @@ def _opened_between_nodes(contact: Contact) -> _Opened:
     nodes = problem.heights.shape
     is_full = contact.contact_nodes == problem.heights.size
     if not is_full or problem.boundary == "free" or contact.yielded.any():
-        return _Opened(0.0, 0.0)
+        return _Opened(area_percent=0.0, gap=0.0)
     pressure = contact.pressure
     for axis in (0, 1):
         twice = 2 * nodes[axis]
@@ -491,13 +499,13 @@ def _opened_between_nodes(contact: Contact) -> _Opened:
         else:
             between = fft.idct(fft.dct(lines, norm="forward"), n=twice, norm="forward")
         pressure = np.moveaxis(np.asarray(between, dtype=np.float64), -1, axis)
-    # A pressure of rounding alone is no tension.
+    # Pressures below zero by rounding alone are no tension.
     negative = np.minimum(pressure + 1e-12 * contact.pressure.max(), 0.0)
     share = 2 * float(np.mean(negative < 0))
-    side = math.prod(problem.spacing) * problem.heights.size
-    radius = math.sqrt(share * side / math.pi)
+    area = math.prod(problem.spacing) * problem.heights.size
+    radius = math.sqrt(share * area / math.pi)
     gap = 8 / 3 * radius * float(-negative.mean()) / problem.modulus
-    return _Opened(100 * min(share, 1.0), gap)
+    return _Opened(area_percent=100 * min(share, 1.0), gap=gap)
 
 
 def _summit(heights: Field, boundary: Boundary, *, creased: bool) -> float:
@@ -559,7 +567,7 @@ def _too_coarse_to_judge(contact: Contact, area: float) -> str:
 def _judged(error: GridError, coarse: Contact) -> _Verdict:
     """Judge by the areas on both grids whether the bar of the area holds.
 
-    The first reason counts.
+    Of several reasons the first one decides.
     """
     contact = error.contact
     area = area_within(contact)
@@ -569,7 +577,7 @@ def _judged(error: GridError, coarse: Contact) -> _Verdict:
         return _Verdict(resolved=False, reason=too_coarse)
     if area:
         change = coarse_area / area - 1
-    elif coarse_area > 0:  # nothing touches here: any area counts as 100 % more
+    elif coarse_area > 0:  # nothing touches on the finer grid: any area is 100 % more
         change = 1.0
     else:
         change = 0.0
@@ -595,7 +603,7 @@ def _judged(error: GridError, coarse: Contact) -> _Verdict:
 
 
 def _in_words(change: float) -> str:
-    """Say how the area on half of the nodes compares.
+    """Return a comparison of the area on half of the nodes with that on all nodes, in words.
 
     `change` is the difference relative to the area on all nodes.
     """
@@ -610,12 +618,12 @@ def _in_words(change: float) -> str:
 def _solve_coarser(contact: Contact, summit: float) -> Contact:
     """Solve a contact on about every second node.
 
-    A problem with a datum, a height other than the highest node's from which Delta counts, keeps
-    this height and its load. Otherwise a given force is kept, or a given Delta is reduced by what
-    the highest node of the coarser grid is lower, so that the far field stays in its place.
+    If the problem has a datum, the coarser one keeps the height from which Delta counts, and the
+    load. Otherwise a given force is kept. A given Delta is reduced by the difference between the
+    highest nodes of both grids, so that the far field stays in its place.
 
-    Raise NoSolution at a given Delta at which the coarser grid would be in full contact; without a
-    datum, at which a grid would be whose summit is higher by `summit` [um]. Raise
+    Raise NoSolution at a given Delta if the coarser grid would be in full contact. Without a datum,
+    raise it also if a coarser grid would be whose summit is higher by `summit` [um]. Raise
     BeyondCriticalDelta, a NoSolution, if Delta is not below Delta* of the coarser surface on a
     compliant far field. ArithmeticError passes through.
     """
