@@ -507,13 +507,14 @@ class SceneFunction(Function):
         return answers
 
     def _slopes(self, point: Points) -> Values:
-        """Return derivatives of force, Delta and mean gap, (outputs, inputs); others are NaN.
+        """Return the derivatives of the outputs by the inputs at one point, (outputs, inputs).
 
-        They are those by the load, and by parameters to which all heights are proportional.
+        They are NaN except those of `DIFFERENTIABLE` outputs by the load, and by parameters to
+        which all heights are proportional unless these are 0.
         """
         with self._trusted(), _solver_errors():
             (surface,) = surfaces_of(self.scene, self.inputs, point)
-            slopes = ContactSlopes(surface, _solved(surface, 0))
+            slopes = ContactSlopes(_solved(surface, 0))
             derivatives = np.full((len(self.outputs), len(self.names)), np.nan)
             for row, output in enumerate(self.outputs):
                 if output not in DIFFERENTIABLE:
@@ -553,13 +554,10 @@ class ContactSlopes:
 
     Attributes
     ----------
-    surface : OneSurface
-        The surface, at a single point.
     contact : bem.Contact
-        Its contact at this point.
+        The contact, at one point of the inputs.
     """
 
-    surface: OneSurface
     contact: bem.Contact
 
     def by_load(self, output: str, load: float) -> float:
@@ -570,13 +568,18 @@ class ContactSlopes:
         output : str
             One of `DIFFERENTIABLE`.
         load : float
-            The load of the call, to which Delta or the force of the contact is proportional
+            The load of the call, to which Delta or the force of the contact is proportional; not 0
             [any unit].
 
         Returns
         -------
         float
             Derivative [unit of the output / unit of the load].
+
+        Raises
+        ------
+        ArithmeticError
+            If the load is 0, or a linear solve does not converge.
         """
         return self._per_load(output) * self._absolute_load / load
 
@@ -590,7 +593,7 @@ class ContactSlopes:
         scale : float
             Value of the parameter, not 0 [any unit].
         load_scales : bool
-            True if Delta or the force is proportional to the parameter too.
+            Whether the Delta or the force that the load fixes is proportional to the parameter too.
 
         Returns
         -------
@@ -601,9 +604,11 @@ class ContactSlopes:
         ------
         Unsolved
             If the contact has no gradient, see `bem.Contact.gradient`.
+        ArithmeticError
+            If a linear solve does not converge. `Unsolved` is a kind of it.
         """
-        derivative = 0.0  # of a force or Delta that is given
-        if output != self._given:
+        derivative = 0.0  # of the output that the load fixes
+        if output != self._fixed_output:
             try:
                 by_heights = self.contact.gradient(output)
             except ValueError as error:
@@ -614,24 +619,24 @@ class ContactSlopes:
         return derivative
 
     @property
-    def _given(self) -> str:
-        """The answer that the load fixes: "delta" or "force"."""
+    def _fixed_output(self) -> str:
+        """Name of the output that the load fixes: "delta" or "force"."""
         return FORCE.name if self.contact.problem.delta is None else DELTA.name
 
     @property
     def _absolute_load(self) -> float:
-        """Delta [um] or the force [uN], whichever is given."""
-        return float(getattr(self.contact, self._given))
+        """Delta [um] or the force [uN], whichever the load fixes."""
+        return float(getattr(self.contact, self._fixed_output))
 
     def _per_load(self, output: str) -> float:
-        """Differentiate an answer by Delta [um] or by the force [uN], whichever is given."""
-        if output == self._given:
+        """Differentiate an output by Delta [um] or the force [uN], whichever the load fixes."""
+        if output == self._fixed_output:
             return 1.0
         stiffness = self.contact.loading_stiffness  # dF / dDelta [uN / um]
         per_delta = stiffness
         if output == MEAN_GAP.name:
             per_delta = self.contact.mean_gap_slope
-        if self._given == DELTA.name:
+        if self._fixed_output == DELTA.name:
             return per_delta
         if output == DELTA.name:
             return 1 / stiffness

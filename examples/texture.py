@@ -2,9 +2,9 @@
 
     python examples/texture.py --plot texture.png
 
-The mean gap of a texture of waves on steel is wanted to fall by 0.5 um whenever the pressure grows
-by the factor e: the joint then has the stiffness p / 0.5 um. Nonlinear least squares change the
-waves, with the derivatives of the mean gaps by all heights from `Contact.gradient`.
+The surface of a steel body is a sum of waves. If its mean gap falls by 0.5 um whenever the pressure
+p grows by the factor e, the joint has the stiffness p / 0.5 um. Nonlinear least squares look for
+such waves, with the derivatives of the mean gaps by all heights from `Contact.gradient`.
 """
 
 import argparse
@@ -17,14 +17,14 @@ import bem
 from gen.runtime.command_line import run_script
 
 PRESSURES = np.array([5.0, 10.0, 20.0, 30.0, 40.0, 50.0])  # [MPa]
-WANTED = 0.5 * np.log(100 / PRESSURES)  # mean gap under each pressure [um]
-STEPS = 50
+WANTED = 0.5 * np.log(100 / PRESSURES)  # mean gap [um], which would be 0 under 100 MPa
+STEPS = 50  # most evaluations of all gaps
 WAVES = np.r_[0:7, -6:0]  # numbers of waves along x; along y there are 0 to 6
 
 
 @dataclass(frozen=True)
 class Texture:
-    """Textures of 1 mm a side, described by the real and imaginary parts of their waves."""
+    """Textures of 1 mm a side; `numbers` are real and imaginary parts of their waves [um]."""
 
     nodes: int  # along a side
 
@@ -60,7 +60,7 @@ class Texture:
 
 
 def main(arguments: list[str]) -> dict[str, np.ndarray]:
-    """Return pressures [MPa], and gaps [um]: wanted, at the start, and of the texture found."""
+    """Return pressures [MPa] and gaps [um]: wanted, of the first and of the found texture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--nodes", type=int, default=64, help="along a side")
     parser.add_argument("--seed", type=int, default=1, help="of the first texture")
