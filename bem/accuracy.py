@@ -526,7 +526,9 @@ class _Search:
         is_map = problem.heights.shape == self.map_problem.heights.shape
         # Where even the map may be hopeless, this contact tells the best bar.
         if 1 < least_ratio <= HOPELESS and not is_map:
-            reason = "half of the nodes tell that the border has too few"
+            reason = (
+                "half of the nodes tell that the border alone makes the error too large"
+            )
             self._append(replace(trial, reason=reason), expected_ratio=least_ratio)
             return None
         try:
