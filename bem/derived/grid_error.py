@@ -695,28 +695,6 @@ def part_of_border(contact: Contact, name: str) -> float:
     return WEIGHTS[kind][name].border * border
 
 
-def part_of_border(contact: Contact, name: str) -> float:
-    """Return the part of an answer's bar for the place of the border, over the answer.
-
-    It is about half as large on twice the nodes a side, and tells the least bar there.
-
-    Parameters
-    ----------
-    contact : Contact
-        A contact of at least one node, on a surface without creases.
-    name : str
-        Name of an answer that does not depend on the open nodes.
-
-    Returns
-    -------
-    float
-        Share [1].
-    """
-    kind = "free" if contact.problem.boundary == "free" else "edgeless"
-    border = sum(contact.border_edges) / contact.contact_nodes
-    return WEIGHTS[kind][name].border * border
-
-
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
     """Return the area of contact in the continuum.
 
