@@ -374,13 +374,13 @@ def _with_rim(field: Field, boundary: Boundary) -> Field:
 
 def _sources_of_rim(nodes: int, boundary: Boundary) -> Nodes:
     """Return the nodes along an axis whose values continue it, (2 RIM,): before it, then after."""
-    places = np.concatenate([np.arange(-RIM, 0), np.arange(nodes, nodes + RIM)])
-    if boundary == "periodic":
-        return places % nodes
+    places: Nodes = np.concatenate([np.arange(-RIM, 0), np.arange(nodes, nodes + RIM)])
     if boundary == "free":
         return np.clip(places, 0, nodes - 1)
-    places %= 2 * nodes  # mirror images repeat themselves
-    return np.minimum(places, 2 * nodes - 1 - places)
+    if boundary == "mirror":  # images repeat themselves after two sides
+        places = places % (2 * nodes)
+        return np.minimum(places, 2 * nodes - 1 - places)
+    return places % nodes
 
 
 def _edges_between(
