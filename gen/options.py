@@ -401,7 +401,7 @@ class Accuracy(NamedTuple):
         Returns
         -------
         dict from str to float, or None
-            Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1]; None
+            Largest relative errors, by the names of the answers in `bem.answers.ANSWERS` [1]; None
             if the option is left out.
 
         Raises
