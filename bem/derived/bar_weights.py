@@ -42,7 +42,7 @@ class Weights:
 WEIGHTS = {
     "edgeless": {
         "area": Weights(
-            difference=0.4, border=0.0075, scatter=0.06, yielded=0.45, summit=1.5
+            difference=0.4, border=0.007, scatter=0.06, yielded=0.45, summit=1.5
         ),
         "delta": Weights(difference=0.65, work=0.09, yielded=0.08, summit=1.6),
         "force": Weights(difference=0.3, scatter=0.011, yielded=0.3, summit=2.2),
@@ -53,7 +53,7 @@ WEIGHTS = {
     },
     "free": {
         "area": Weights(
-            difference=0.8, border=0.0115, yielded=0.2, outer=0.0014, summit=1.5
+            difference=1.25, border=0.0095, yielded=0.2, outer=0.0014, summit=1.5
         ),
         "delta": Weights(difference=1.1, work=0.08, yielded=0.03, summit=1.6),
         "force": Weights(
@@ -63,7 +63,7 @@ WEIGHTS = {
             difference=0.9, work=0.12, outer=0.06, yielded=0.05, node=2.2, summit=1.6
         ),
         "stiffness": Weights(
-            difference=0.5, scatter=0.08, outer=0.1, yielded=0.3, summit=1.9
+            difference=0.7, scatter=0.09, outer=0.1, yielded=0.3, summit=1.9
         ),
     },
     "creased": {
