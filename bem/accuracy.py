@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
-from bem.coarsening import Coarsening, CoarserMap, sampled_lines
+from bem.coarsening import Coarsening, CoarserMap
 from bem.contact import Contact
 from bem.derived.coarser import coarser
 from bem.derived.grid_error import (
@@ -37,7 +37,6 @@ from bem.derived.grid_error import (
     LEAST_ORDER,
     GridError,
     part_of_border,
-    slope_order_of_lines,
 )
 from bem.problem import (
     RTOL,
@@ -304,8 +303,8 @@ class Surface:
             As the function `solve_within` raises them.
         """
         errors = checked_errors(error)
-        problem = under_load(self._unloaded, delta, force=force, pressure=pressure)
-        problem = replace(problem, rtol=checked("rtol", tolerance_for(errors)))
+        unloaded = replace(self._unloaded, rtol=checked("rtol", tolerance_for(errors)))
+        problem = under_load(unloaded, delta, force=force, pressure=pressure)
         with on_threads(None if threads is None else checked("threads", threads)):
             return _Search(problem, self._coarsening, errors).solve()
 
@@ -492,10 +491,8 @@ class _Search:
         """
         if problem.hardness is not None:
             return False
-        lines = self.coarsening.lines
-        if problem.heights.shape != self.map_problem.heights.shape:
-            lines = sampled_lines(problem.heights)
-        return slope_order_of_lines(lines, problem.boundary) < LEAST_ORDER
+        rows, columns = problem.heights.shape
+        return self.coarsening.slope_order((rows, columns)) < LEAST_ORDER
 
     def _try_grid(self, problem: Problem, dropped: float) -> Contact | None:
         """Solve on a grid, judge the contact and append the trial; return None without a contact.

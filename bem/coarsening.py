@@ -10,13 +10,14 @@ has.
 from __future__ import annotations  # short signatures in help()
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Values
+from bem.derived.grid_error import FEWEST, order_of_slopes, slope_order_of_lines
 from bem.problem import Boundary
 from bem.threads import computed_once
 
@@ -154,6 +155,34 @@ class Coarsening:
                 share = max(1 - far / near, LEAST_LOST)
         return share
 
+    def slope_order(self, nodes: tuple[int, int]) -> float:
+        """Return the order in the spacing of the surface's mean square slope on a grid.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my) of the grid, at most those of the map.
+
+        Returns
+        -------
+        float
+            The smaller order of both axes, see `bem.derived.grid_error.slope_order_of_lines` [1].
+        """
+        if self.boundary == "free":
+            lines = self.lines
+            if nodes != self.heights.shape:
+                lines = sampled_lines(self.on(nodes).heights)
+            return slope_order_of_lines(lines, self.boundary)
+        orders = []
+        for axis, slopes in enumerate(self._slopes_of_waves):
+            if nodes[axis] >= FEWEST:
+                step = self.heights.shape[axis] / nodes[axis]
+                kept = slopes.kept_by(step)
+                orders.append(
+                    order_of_slopes(*(kept.over(times * step) for times in (1, 2, 4)))
+                )
+        return min(orders, default=math.inf)
+
     @computed_once
     def lines(self) -> tuple[Field, Field]:
         """Some lines of the map along both axes, see `sampled_lines` [um]."""
@@ -165,12 +194,17 @@ class Coarsening:
         if self.boundary == "free":
             along, across = self._reduced_lines
             return _SlopesOfLines(along, 1.0), _SlopesOfLines(across, self.aspect)
+        return self._slopes_of_waves
+
+    @computed_once
+    def _slopes_of_waves(self) -> tuple[_SlopesOfWaves, _SlopesOfWaves]:
+        """Mean square slopes along both axes of a patch without edges, in a common unit."""
         return self._waves.slopes(self.aspect)
 
     @computed_once
     def _unit(self) -> float:
-        """Power of two near the range of the lines: squares of heights in it stay finite [um]."""
-        largest = max(float(np.ptp(lines)) for lines in self.lines)
+        """Power of two near the range of some lines: squares of heights in it stay finite [um]."""
+        largest = float(np.ptp(self.heights[:: max(1, len(self.heights) // LINES)]))
         return math.ldexp(1.0, math.frexp(largest)[1])
 
     @computed_once
@@ -253,6 +287,13 @@ class _SlopesOfWaves:
     mean_squares: Values
     wavenumbers: Values
     spacing: float
+
+    def kept_by(self, step: float) -> _SlopesOfWaves:
+        """Return the slopes of the waves that nodes at a larger distance can carry [nodes]."""
+        kept = 2 * step * self.spacing * self.wavenumbers < 1
+        return replace(
+            self, mean_squares=self.mean_squares[kept], wavenumbers=self.wavenumbers[kept]
+        )
 
     def over(self, distance: float) -> float:
         """Return the mean square slope over a distance [nodes], at least 1e-300."""
