@@ -48,7 +48,7 @@ from bem.problem import (
     under_load,
 )
 from bem.solving import solve_posed
-from bem.threads import on_threads
+from bem.threads import computed_once, on_threads
 
 # Factor from a bar of 90 % to one of 95 % [1]. `python -m bench accuracy` counts the errors that
 # are inside.
@@ -89,11 +89,19 @@ SEARCH_STEP = math.sqrt(STEP)
 # Bar at 95 % of the area that is expected on the first grid: its ratio to the area is a factor
 # times a power of the share of the mean square slope that twice the spacing loses
 # (`Coarsening.lost_slope`) [1].
-EXPECTED_BAR = 0.08
+EXPECTED_BAR = 0.1
 EXPECTED_POWER = 0.8
 
 # Factor of this bar on free patches [1].
-ON_FREE_PATCH = 4.0
+ON_FREE_PATCH = 3.2
+
+# Mean pressure to which this bar belongs, if the load is known, and the power of the pressure with
+# which it falls [E* times the rms slope, 1].
+EXPECTED_LOAD = 0.05
+BY_LOAD = -0.35
+
+# Least mean pressure for which this law is used [E* times the rms slope].
+LIGHTEST = 0.005
 
 # Largest lost share with which bars are expected to hold [1]. Waves of 9 nodes lose this share.
 MOST_LOST = 0.11
@@ -464,8 +472,19 @@ class _Search:
         lost = self.coarsening.lost_slope(nodes)
         if lost > MOST_LOST:
             return math.inf
-        bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER)
+        bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER) * self._factor_of_load
         return ON_FREE_PATCH * bar if self.map_problem.boundary == "free" else bar
+
+    @computed_once
+    def _factor_of_load(self) -> float:
+        """Factor of the expected bar for the load, 1 if the displacement is given [1]."""
+        problem = self.map_problem
+        slope = self.coarsening.rms_slope / problem.spacing[0]
+        if not problem.force or not slope > 0:
+            return 1.0
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        load = problem.force / area / problem.modulus / slope
+        return math.pow(max(load, LIGHTEST) / EXPECTED_LOAD, BY_LOAD)
 
     def _refuse_endless_waves(self) -> None:
         """Refuse a map whose roughness continues down to its grid, unless its bodies yield.

@@ -184,12 +184,20 @@ class Coarsening:
         return min(orders, default=math.inf)
 
     @computed_once
+    def rms_slope(self) -> float:
+        """Root mean square slope between neighbouring nodes [um over the first side of a cell]."""
+        along, across = (slopes.over(1.0) for slopes in self._slopes)
+        return math.sqrt(along + across) * self._unit
+
+    @computed_once
     def lines(self) -> tuple[Field, Field]:
         """Some lines of the map along both axes, see `sampled_lines` [um]."""
         return sampled_lines(self.heights)
 
     @computed_once
-    def _slopes(self) -> tuple[_SlopesOfLines | _SlopesOfWaves, ...]:
+    def _slopes(
+        self,
+    ) -> tuple[_SlopesOfLines | _SlopesOfWaves, _SlopesOfLines | _SlopesOfWaves]:
         """Mean square slopes along both axes, in a common unit."""
         if self.boundary == "free":
             along, across = self._reduced_lines
