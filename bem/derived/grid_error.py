@@ -801,7 +801,9 @@ def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
     """Return the mean square slope between nodes at a distance along the first axis [um2/node2]."""
     nodes, columns = lines.shape
     if periodic:
-        rise = np.roll(lines, -distance, axis=0) - lines
+        rise = np.empty_like(lines)
+        np.subtract(lines[distance:], lines[:-distance], out=rise[:-distance])
+        np.subtract(lines[:distance], lines[-distance:], out=rise[-distance:])
     else:
         first = FIRST_PLACE[distance]
         rise = (
