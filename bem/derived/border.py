@@ -321,15 +321,15 @@ def _by_runs(facing: Mask, axis: int, ratio: float, boundary: Boundary) -> _Dire
     aligned = np.zeros(len(places))
     run = np.ones(len(places))  # the edge itself and those in line on both sides
     for side in (-step, step):
-        beside = np.zeros(len(places))
+        in_line = np.zeros(len(places))
         unbroken = np.ones(len(places), dtype=bool)
         for distance in range(1, reach + 1):
             unbroken &= continued[places + distance * side]
             if not unbroken.any():
                 break
-            beside += unbroken
-        aligned += np.minimum(beside / ratio, 1)
-        run += beside
+            in_line += unbroken
+        aligned += np.minimum(in_line / ratio, 1)
+        run += in_line
     return _Directions(aligned=aligned, slope=np.minimum(run / ratio, 1))
 
 
