@@ -3,8 +3,8 @@
 `gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
 the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
 population to maps of one kind, from their spectra by `gen.draft.bands` and without the pits and
-dust of `gen.draft.imperfections`. `gen.draft.judge` compares surfaces with a map by the contact, and
-`gen.draft.writing` writes the scene.
+dust of `gen.draft.imperfections`. `gen.draft.judge` compares surfaces with a map by the contact,
+and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
