@@ -328,6 +328,18 @@ class Layer(NamedTuple):
     ] = "elastic"
 
 
+LayerPlace = Literal["mesh", "law"]
+"""What has the uniform compression of a layer: the mesh, or the closure of the law."""
+
+LayerIn = Annotated[
+    LayerPlace,
+    Option(
+        help="mesh: the mesh contains the layer, so that the closure is without its uniform"
+        " compression; law: the closure has it."
+    ),
+]
+
+
 class Shear(NamedTuple):
     """The options about shear of two bodies of like elastic constants."""
 

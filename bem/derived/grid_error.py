@@ -759,18 +759,37 @@ def slope_order_of_lines(lines: tuple[Field, Field], boundary: Boundary) -> floa
             _mean_square_slope(lines_of_axis, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
         ]
-        near = abs(slopes[0] - slopes[1])
-        far = abs(slopes[1] - slopes[2])
-        if max(near, far) > SMOOTH * slopes[0]:
-            orders.append(math.log2(max(far, 1e-300) / max(near, 1e-300)))
+        orders.append(order_of_slopes(*slopes))
     return min(orders, default=math.inf)
+
+
+def order_of_slopes(over_one: float, over_two: float, over_four: float) -> float:
+    """Return the order in the spacing of mean square slopes between nodes.
+
+    Parameters
+    ----------
+    over_one, over_two, over_four : float
+        Mean square slopes over one, two and four spacings, in any unit.
+
+    Returns
+    -------
+    float
+        Order, infinite if the surface is smooth [1].
+    """
+    near = abs(over_one - over_two)
+    far = abs(over_two - over_four)
+    if max(near, far) <= SMOOTH * over_one:
+        return math.inf
+    return math.log2(max(far, 1e-300) / max(near, 1e-300))
 
 
 def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
     """Return the mean square slope between nodes at a distance along the first axis [um2/node2]."""
     nodes, columns = lines.shape
     if periodic:
-        rise = np.roll(lines, -distance, axis=0) - lines
+        rise = np.empty_like(lines)
+        np.subtract(lines[distance:], lines[:-distance], out=rise[:-distance])
+        np.subtract(lines[:distance], lines[-distance:], out=rise[-distance:])
     else:
         first = FIRST_PLACE[distance]
         rise = (

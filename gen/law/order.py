@@ -10,7 +10,8 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.maps.bodies import Opposite
 from gen.maps.settings import Reading
-from gen.material import Friction, Gas, loads_from
+from gen.material import Friction, Gas, LayeredBody, loads_from
+from gen.options import LayerPlace
 from gen.quantities import (
     ALSO,
     ALWAYS_IN_LAWS,
@@ -54,6 +55,11 @@ class Order:
     e_star: float | None = None
     # Hardness of the softer body [MPa]; None to take that of the scenes, which may have none.
     hardness: float | None = None
+    # Bodies with a layer, whose E* is `e_star`; None to take those of the scenes, if these have a
+    # layer and `e_star` is None.
+    layered: LayeredBody | None = None
+    # What has the uniform compression of a layer: the mesh, or the closure of the law.
+    layer_in: LayerPlace = "mesh"
     # Boundary of the patches; None for the usual one of `gen.law.surfaces`.
     boundary: Boundary | None = None
     # Conductivities of both bodies [W/(m K)]; None for a law without conductance of spots.

@@ -273,7 +273,7 @@ class Sampler:
             The problem with a datum, so that the cells of all grids cover the same patch.
         """
         return replace(
-            surface.posed(self.bodies.e_star),
+            surface.posed(self.bodies),
             hardness=self.bodies.hardness,
             rtol=self.tolerance,
             max_iterations=self.scene.contact.max_iterations,
