@@ -21,12 +21,13 @@ A contact on fewer nodes stands for that of the given map in three ways:
 from __future__ import annotations  # short signatures in help()
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from bem.answers import ANSWERS, Answer
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
 from bem.coarsening import Coarsening, CoarserMap
@@ -126,34 +127,6 @@ HOPELESS = 6.0
 
 # Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
 ERRORS = Range(1e-14, 1, "above 1e-14 and below 1: 0.01 is one per cent")
-
-
-@dataclass(frozen=True)
-class Answer:
-    """An answer of a contact that can be asked for with an error.
-
-    Attributes
-    ----------
-    value : callable
-        Function that returns the answer of a contact.
-    bar : callable
-        Function that returns the half-width of its 90 % bar, in the same unit.
-    """
-
-    value: Callable[[Contact], float]
-    bar: Callable[[GridError], float]
-
-
-ANSWERS = {
-    "area": Answer(
-        lambda contact: contact.continuum_area_percent, lambda error: error.area_percent
-    ),
-    "mean_gap": Answer(lambda contact: contact.mean_gap, lambda error: error.mean_gap),
-    "stiffness": Answer(lambda contact: contact.stiffness, lambda error: error.stiffness),
-    "delta": Answer(lambda contact: contact.delta, lambda error: error.delta),
-    "force": Answer(lambda contact: contact.force, lambda error: error.force),
-}
-"""Answers that can be asked for, by their names."""
 
 
 class NotReachable(ArithmeticError):
@@ -661,8 +634,8 @@ def error_parts(
 ) -> ErrorParts:
     """Return the relative error of an answer at 95 %, by its causes.
 
-    The part for dropped waves is that of the area, and the part for the solver is the tolerance
-    relative to Delta, whatever the answer is.
+    The part for dropped waves is that of the area, whatever the answer is. The part for the solver
+    follows from the largest violation of the conditions of contact that the solver has left.
 
     Parameters
     ----------
@@ -691,8 +664,16 @@ def error_parts(
         asked_error=asked_error,
         grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
         waves=OF_DROPPED * dropped,
-        solver=contact.problem.rtol,
+        solver=_error_of_solver(contact, ANSWERS[name]),
     )
+
+
+def _error_of_solver(contact: Contact, answer: Answer) -> float:
+    """Return the relative error at 95 % that the solver leaves in an answer [1]."""
+    error = answer.by_violation * contact.residual
+    if contact.mean_gap > 0:  # full contact has no gap
+        error *= (abs(contact.delta) / contact.mean_gap) ** answer.gap_power
+    return error
 
 
 def tolerance_for(asked: Mapping[str, float]) -> float:
