@@ -39,7 +39,7 @@ from gen.runtime.errors import InputError
 # longer waves.
 FEWEST_PERIODS = 3.0
 # Nodes in the shortest wave that a scan knows. Shorter waves get power from waves that are too
-# short for the nodes: at 4 nodes 4 to 20 % for Hurst exponents of 0.8 to 0.3, at 3 nodes twice that.
+# short for the nodes: at 4 nodes 4 to 20 % for Hurst exponents of 0.8 to 0.3, at 3 nodes twice so.
 FEWEST_NODES = 4.0
 BIN_RATIO = 1.2  # ratio of the largest to the smallest wavenumber of a bin
 # A tip leaves its own shape on summits whose curvature is above this share of the tip's [2].
