@@ -35,8 +35,10 @@ LIMIT = 0.15
 TOLERANCE = 1e-3
 
 # Largest difference between surfaces and map that their scatter explains, in standard deviations of
-# the surfaces.
-BEYOND_SCATTER = 2.0
+# the surfaces. Within it are 99 % of further surfaces of a population of which ten are known: the
+# quantile 0.995 of Student's distribution with 9 degrees of freedom, times the root of 1 + 1/10. It
+# is 99 % and not 95 %, because several answers are compared.
+BEYOND_SCATTER = 3.4
 # relative scatter of an answer above which an agreement decides nothing [1]
 WIDE = 0.3
 # approximate shares of the patch in contact under the three pressures [1]

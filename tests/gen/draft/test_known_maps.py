@@ -9,16 +9,16 @@ from gen.population import generate_like
 from gen.spectral import SelfAffineSpectrum
 from tests.gen.draft.test_populations import fitted_to, made
 
-NODES = 128
+NODES = 192
 NUMBER = 10  # of maps of each kind
 YIELDING = Bodies(231e3, hardness=2000.0)
 ELASTIC = Bodies(231e3)
 
-FINE = SelfAffineSpectrum(0.8, 32.0, 4.0)
-LAY = SelfAffineSpectrum(0.8, 48.0, 12.0, stretch=0.25)
-WAVINESS = SelfAffineSpectrum(0.8, 40.0, 20.0)
+FINE = SelfAffineSpectrum(0.8, 24.0, 4.0)
+LAY = SelfAffineSpectrum(0.8, 32.0, 10.0, stretch=0.25)
+WAVINESS = SelfAffineSpectrum(0.8, 32.0, 20.0)
 ROUGHNESS = SelfAffineSpectrum(0.8, 6.0, 4.0)
-VALLEYS = SelfAffineSpectrum(0.8, 40.0, 8.0)
+VALLEYS = SelfAffineSpectrum(0.8, 32.0, 8.0)
 
 
 def gaussian(seed):
