@@ -33,8 +33,8 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
     Returns
     -------
     problem : Problem
-        The problem on the coarser grid, with a tolerance of at least `COARSE_RTOL` and the same
-        load.
+        The problem on the coarser grid, with the same load and a tolerance of at least
+        `COARSE_RTOL`, or less where a free patch settles, see `Problem.settlement_ratio`.
     pressure : ndarray, shape of the coarser heights
         Pressure at the finer grid's nodes nearest to the coarser ones [MPa].
     """
@@ -56,7 +56,7 @@ def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
         problem,
         heights=heights,
         spacing=(spacing[0], spacing[1]),
-        rtol=max(problem.rtol, COARSE_RTOL),
+        rtol=max(problem.rtol, COARSE_RTOL / problem.settlement_ratio),
     )
     return half, pressure
 
