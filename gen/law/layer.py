@@ -19,7 +19,6 @@ from gen.options import NOT_WITH_LAYER
 from gen.quantities import CLOSURE, PRESSURE, STIFFNESS
 from gen.runtime.errors import InputError
 
-
 NO_ERRORS = "laws within an error are those of half-spaces"
 """Reason why laws of layered bodies have no errors that are asked for."""
 
