@@ -21,12 +21,13 @@ A contact on fewer nodes stands for that of the given map in three ways:
 from __future__ import annotations  # short signatures in help()
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from bem.answers import ANSWERS, Answer
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
 from bem.coarsening import Coarsening, CoarserMap
@@ -89,11 +90,11 @@ SEARCH_STEP = math.sqrt(STEP)
 # Bar at 95 % of the area that is expected on the first grid: its ratio to the area is a factor
 # times a power of the share of the mean square slope that twice the spacing loses
 # (`Coarsening.lost_slope`) [1].
-EXPECTED_BAR = 0.1
+EXPECTED_BAR = 0.12
 EXPECTED_POWER = 0.8
 
 # Factor of this bar on free patches [1].
-ON_FREE_PATCH = 3.2
+ON_FREE_PATCH = 2.0
 
 # Mean pressure to which this bar belongs, if the load is known, and the power of the pressure with
 # which it falls [E* times the rms slope, 1].
@@ -118,7 +119,7 @@ FURTHEST = 2.0
 
 # Error that is expected on a grid, over the part for the place of the border on half of its nodes
 # a side [1]. This part alone becomes 0.51 to 0.6 times as large on rough surfaces.
-OF_BORDER_ON_HALF = 0.6
+OF_BORDER_ON_HALF = 0.7
 
 # Error that is expected on the given map, over the error asked for, above which the map is not
 # tried after a coarser grid [1]. Bars are hardly ever shorter than expected by more than this.
@@ -126,34 +127,6 @@ HOPELESS = 6.0
 
 # Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
 ERRORS = Range(1e-14, 1, "above 1e-14 and below 1: 0.01 is one per cent")
-
-
-@dataclass(frozen=True)
-class Answer:
-    """An answer of a contact that can be asked for with an error.
-
-    Attributes
-    ----------
-    value : callable
-        Function that returns the answer of a contact.
-    bar : callable
-        Function that returns the half-width of its 90 % bar, in the same unit.
-    """
-
-    value: Callable[[Contact], float]
-    bar: Callable[[GridError], float]
-
-
-ANSWERS = {
-    "area": Answer(
-        lambda contact: contact.continuum_area_percent, lambda error: error.area_percent
-    ),
-    "mean_gap": Answer(lambda contact: contact.mean_gap, lambda error: error.mean_gap),
-    "stiffness": Answer(lambda contact: contact.stiffness, lambda error: error.stiffness),
-    "delta": Answer(lambda contact: contact.delta, lambda error: error.delta),
-    "force": Answer(lambda contact: contact.force, lambda error: error.force),
-}
-"""Answers that can be asked for, by their names."""
 
 
 class NotReachable(ArithmeticError):
@@ -661,8 +634,8 @@ def error_parts(
 ) -> ErrorParts:
     """Return the relative error of an answer at 95 %, by its causes.
 
-    The part for dropped waves is that of the area, and the part for the solver is the tolerance
-    relative to Delta, whatever the answer is.
+    The part for dropped waves is that of the area, whatever the answer is. The part for the solver
+    follows from the largest violation of the conditions of contact that the solver has left.
 
     Parameters
     ----------
@@ -691,8 +664,16 @@ def error_parts(
         asked_error=asked_error,
         grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
         waves=OF_DROPPED * dropped,
-        solver=contact.problem.rtol,
+        solver=_error_of_solver(contact, ANSWERS[name]),
     )
+
+
+def _error_of_solver(contact: Contact, answer: Answer) -> float:
+    """Return the relative error at 95 % that the solver leaves in an answer [1]."""
+    error = answer.by_violation * contact.residual
+    if contact.mean_gap > 0:  # full contact has no gap
+        error *= (abs(contact.delta) / contact.mean_gap) ** answer.gap_power
+    return error
 
 
 def tolerance_for(asked: Mapping[str, float]) -> float:

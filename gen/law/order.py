@@ -72,7 +72,7 @@ class Order:
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
-    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # Largest relative errors of answers, by their names in `bem.answers.ANSWERS` [1], for which
     # contacts are solved on the coarsest grid that gives them; None for the grid of the surface. Of
     # a scene they are the errors of the means over its population.
     errors: Mapping[str, float] | None = None

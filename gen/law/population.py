@@ -145,7 +145,7 @@ class Layout:
         Parameters
         ----------
         errors : mapping of str to float
-            Errors by the names of the answers in `bem.accuracy.ANSWERS` [1].
+            Errors by the names of the answers in `bem.answers.ANSWERS` [1].
         requested : tuple of str
             Kinds of the loads whose tables have these errors.
 

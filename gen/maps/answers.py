@@ -48,7 +48,7 @@ class AnswerOptions:
     friction: Friction | None = None
     # shear forces over the force at which the bodies slide [1], for which the slip is computed
     shares: tuple[float, ...] = ()
-    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # Largest relative errors of answers, by their names in `bem.answers.ANSWERS` [1], for which
     # contacts are solved on the coarsest grid that gives them; None for the grid of the map.
     errors: Mapping[str, float] | None = None
 
@@ -353,7 +353,7 @@ def _about_the_errors(contact: Contact, errors: Mapping[str, float]) -> list[Ans
 def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
     """Return five answers [%]: the error that was reached, the one asked for, and three parts.
 
-    `name` is the name of the answer in `bem.accuracy.ANSWERS`. Only files have the last four,
+    `name` is the name of the answer in `bem.answers.ANSWERS`. Only files have the last four,
     because the first one states them in its unit.
     """
     noun = accuracy.quantity_of(name).noun
