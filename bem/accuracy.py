@@ -90,11 +90,11 @@ SEARCH_STEP = math.sqrt(STEP)
 # Bar at 95 % of the area that is expected on the first grid: its ratio to the area is a factor
 # times a power of the share of the mean square slope that twice the spacing loses
 # (`Coarsening.lost_slope`) [1].
-EXPECTED_BAR = 0.1
+EXPECTED_BAR = 0.12
 EXPECTED_POWER = 0.8
 
 # Factor of this bar on free patches [1].
-ON_FREE_PATCH = 3.2
+ON_FREE_PATCH = 2.0
 
 # Mean pressure to which this bar belongs, if the load is known, and the power of the pressure with
 # which it falls [E* times the rms slope, 1].
@@ -119,7 +119,7 @@ FURTHEST = 2.0
 
 # Error that is expected on a grid, over the part for the place of the border on half of its nodes
 # a side [1]. This part alone becomes 0.51 to 0.6 times as large on rough surfaces.
-OF_BORDER_ON_HALF = 0.6
+OF_BORDER_ON_HALF = 0.7
 
 # Error that is expected on the given map, over the error asked for, above which the map is not
 # tried after a coarser grid [1]. Bars are hardly ever shorter than expected by more than this.
