@@ -281,7 +281,7 @@ class GridError:
     @computed_once
     def _opened(self) -> Opened:
         """What may open between the nodes of a full contact."""
-        return opened_between_nodes(self.contact)
+        return opened_between_nodes(self.contact.problem, self.contact.pressure)
 
     def _bar(
         self,

@@ -1,15 +1,12 @@
 """What may open between the nodes of a full contact without edges."""
 
-from __future__ import annotations  # short signatures in help()
-
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from bem.contact import Contact
+from bem.arrays import Field
+from bem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -28,7 +25,7 @@ class Opened:
     gap: float
 
 
-def opened_between_nodes(contact: Contact) -> Opened:
+def opened_between_nodes(problem: Problem, pressure: Field) -> Opened:
     """Return what may open between the nodes of a full contact without edges.
 
     The pressure of a full contact is a sum of waves. Where it is negative between nodes, the
@@ -38,22 +35,23 @@ def opened_between_nodes(contact: Contact) -> Opened:
 
     Parameters
     ----------
-    contact : Contact
-        The contact; all but full contacts of elastic bodies without edges have nothing to open.
+    problem : Problem
+        The problem.
+    pressure : ndarray, shape (nx, ny)
+        The pressure that solves it [MPa].
 
     Returns
     -------
     Opened
-        Area and mean gap.
+        Area and mean gap; both are 0 unless elastic bodies without edges are in full contact.
     """
     from scipy import fft  # here, because few contacts need it
 
-    problem = contact.problem
     nodes = problem.heights.shape
-    is_full = contact.contact_nodes == problem.heights.size
-    if not is_full or problem.boundary == "free" or contact.yielded.any():
+    has_yielded = problem.hardness is not None and pressure.max() >= problem.hardness
+    if pressure.min() <= 0 or problem.boundary == "free" or has_yielded:
         return Opened(area_percent=0.0, gap=0.0)
-    pressure = contact.pressure
+    largest = float(pressure.max())
     for axis in (0, 1):
         twice = 2 * nodes[axis]
         lines = np.moveaxis(pressure, axis, -1)
@@ -63,7 +61,7 @@ def opened_between_nodes(contact: Contact) -> Opened:
             between = fft.idct(fft.dct(lines, norm="forward"), n=twice, norm="forward")
         pressure = np.moveaxis(np.asarray(between, dtype=np.float64), -1, axis)
     # Pressures below zero by rounding alone are no tension.
-    negative = np.minimum(pressure + 1e-12 * contact.pressure.max(), 0.0)
+    negative = np.minimum(pressure + 1e-12 * largest, 0.0)
     share = 2 * float(np.mean(negative < 0))
     area = math.prod(problem.spacing) * problem.heights.size
     radius = math.sqrt(share * area / math.pi)
