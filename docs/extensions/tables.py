@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from statistics import mean
 
 from bench.answers import lines as answers
 from bench.record import Inputs
@@ -345,19 +344,23 @@ def _grown(growth: Sequence[Row]) -> tuple[str, str, str]:
 
 
 def features() -> list[str]:
-    """Scores of each feature set, means over the seeds of the split."""
-    found: dict[str, list[Row]] = {}
-    for row in table("features/features.csv"):
-        found.setdefault(row["features"], []).append(row)
+    """Scores of each feature set, of all splits together."""
+    return [
+        f"| {row['features']} | {int(row['trained']):,}"
+        f" | {cells(row, 'nmse', 'nmae', 'r2')} |"
+        for row in table("features/features.csv")
+    ]
+
+
+def yielding() -> list[str]:
+    """Scores of surrogates of bodies that yield."""
     lines = []
-    for name, rows in found.items():
-        means = [
-            mean(float(row[each]) for row in rows)
-            for each in ("trained", "nmse", "nmae", "r2")
-        ]
-        lines.append(
-            f"| {name} | {means[0]:,.0f} | {' | '.join(f'{e:.2f}' for e in means[1:])} |"
-        )
+    for row in table("features/yielding.csv"):
+        ends = f"{float(row['least']):.2g} to {float(row['most']):.3g}"
+        rows = f"{int(row['trained']):,}, {int(row['judged']):,}"
+        inside = f"{100 * float(row['covered']):.1f}"
+        scores_of_row = f"{float(row['nmae']):.2f} | {float(row['r2']):.3f}"
+        lines.append(f"| {row['target']}, {ends} | {rows} | {scores_of_row} | {inside} |")
     return lines
 
 
@@ -528,6 +531,17 @@ TABLES = {
         ),
         features,
         ("features/features.csv",),
+    ),
+    "yielding": PageTable(
+        (
+            "kernel ridge, H/E* 0.003 to 0.1",
+            "training, test rows",
+            "nMAE [%]",
+            "R2 [%]",
+            "in the 90 % interval [%]",
+        ),
+        yielding,
+        ("features/yielding.csv",),
     ),
 }
 """The tables that a page shows by `{result} NAME`."""
