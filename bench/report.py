@@ -96,8 +96,6 @@ class Part:
     show: Callable[[Path], Sequence[Content]]  # lists the contents of the part's folder
     # Name of another part, into whose folder the files are written; empty for a folder of its own.
     folder: str = ""
-    # Last commit whose code has the command of the part; empty if the present code has it.
-    retired: str = ""
     # True if exit code 1 reports a failed check; False if it reports an error.
     judges: bool = False
     # Processor time of the short run [s]; None if it has not been measured.
