@@ -100,8 +100,8 @@ class Part:
     judges: bool = False
     # Processor time of the short run [s]; None if it has not been measured.
     seconds: float | None = None
-    # Time of the full run [min], if the published record is of another command than the full run's;
-    # otherwise 0.
+    # Time of the full run [min], if the published record is of another command than the full run's
+    # or of a busy machine; otherwise 0.
     minutes: float = 0
     beside: bool = False  # True if other parts may be made at the same time
     # Names of programs and distributions. If one is not installed, some rows are left out.
