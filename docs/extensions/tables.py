@@ -80,9 +80,7 @@ def searched() -> list[str]:
         judged = (
             f"{int(row['candidates_scored']):,} of {int(row['candidates_differing']):,}"
         )
-        if (winner := found.get((model, "tuned"))) is None:
-            lines.append(f"| {title} | {judged} | not searched | - | - | - | - |")
-            continue
+        winner = found[model, "tuned"]
         r2 = cells(winner, "r2", "paper_r2")
         nmae = cells(winner, "nmae", "paper_nmae")
         lines.append(f"| {title} | {judged} | {row['winner']} | {nmae} | {r2} |")
