@@ -305,6 +305,7 @@ def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(capsys
     assert "pressure, hardness wanted" in capsys.readouterr().err
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("table", "line"),
     [
@@ -361,6 +362,7 @@ CLAIMS = {
         np.ravel([*it["largest"].values()])
         == pytest.approx([72.3, 84.0, 21.1, 42.5], abs=0.1)
     ),
+    "like": lambda it: np.abs(it["off"]).max() == pytest.approx(0.08, abs=0.01),
     "refinement": lambda it: (np.diff(it["elastic_area"]) < 0).all(),
 }
 """What each example finds, by its names."""

@@ -2,8 +2,9 @@
 
 `gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
 the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
-population to maps of one kind, from their spectra by `gen.draft.bands`. `gen.draft.judge` compares
-surfaces with a map by the contact, and `gen.draft.writing` writes the scene.
+population to maps of one kind, from their spectra by `gen.draft.bands` and without the pits and
+dust of `gen.draft.imperfections`. `gen.draft.judge` compares surfaces with a map by the contact,
+and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from gen.draft.populations import LikeMaps, propose_population
 from gen.draft.proposal import propose
 from gen.draft.survey import MapSurvey, print_surveys
 from gen.draft.writing import (
-    preparation_options,
     require_new,
     scene_like,
     scene_of_population,
@@ -85,7 +85,8 @@ def draft(
     output : Path
         The file to write the scene to, which must not exist.
     reading : Reading
-        Unit, lengths and channel for files that do not determine them.
+        Unit, lengths and channel for files that do not determine them, and steps of the
+        preparation that are not to be chosen for the maps.
     bodies : Bodies
         Material of the contact.
     command : str
@@ -144,7 +145,7 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
             return drafted
     like = propose_population(paths, order.reading)
     print_surveys(like.surveys)
-    _print_preparation(like)
+    _print_preparation(like.reading, like.surveys)
     judgements = _judged_population(order, like)
     verdicts = [judgement.verdict for judgement in judgements]
     if "not of its kind" in verdicts and not order.generator:
@@ -192,10 +193,13 @@ def _surface_like(
     return scale * generate_like(population, shape, (nx, ny), random)
 
 
-def _print_preparation(like: LikeMaps) -> None:
-    """Print how the maps were prepared, in options that `gen describe` takes too."""
-    options = preparation_options(like.reading)
+def _print_preparation(reading: Reading, surveys: Sequence[MapSurvey]) -> None:
+    """Print how maps were prepared, as options of `gen describe`, and what it changes."""
+    options = reading.options_of_steps
     echo(f"prepared by {options}; give these to gen describe for the same numbers")
+    for survey in surveys:
+        if survey.effect:
+            echo(f"{survey.path.name}: {survey.effect}")
 
 
 def _draft_law(order: _Order, path: Path) -> Draft | None:
@@ -228,6 +232,7 @@ def _draft_law(order: _Order, path: Path) -> Draft | None:
         echo("surfaces get the spectrum of the map itself (--generator spectral insists)")
         return None
     print_surveys([likeness.survey])
+    _print_preparation(likeness.reading, [likeness.survey])
     text = scene_like(likeness, order.bodies, order.command, order.output)
     scene = write(order.output, text)
     doubt = likeness.doubt
@@ -265,7 +270,11 @@ def _draft_population(order: _Order, like: LikeMaps) -> Draft:
     with atomic(population_file, replace=False) as file:
         file.write(like.population.text.encode())
     scene = write(output, text)
-    echo(f"wrote {population_file}: the spectrum in bands and the quantiles of heights")
+    imperfections = len(like.population.imperfections)
+    echo(
+        f"wrote {population_file}: the spectrum in bands, the quantiles of heights, and the"
+        f" imperfections of the maps, of which there are {imperfections or 'none'}"
+    )
     names = ", ".join(survey.path.name for survey in like.surveys)
     return Draft(
         scene=scene,
@@ -282,6 +291,7 @@ def _draft_windows(order: _Order, inputs: Sequence[str]) -> Draft:
     with RunProgress(2 * len(paths), noun="readings") as progress:
         proposal = propose(paths, order.reading, advance=lambda: progress.advance(rows=1))
     print_surveys(proposal.surveys)
+    _print_preparation(proposal.reading, proposal.surveys)
     text = scene_of_windows(proposal, order.bodies, inputs, order.command, order.output)
     scene = write(order.output, text)
     summary = (

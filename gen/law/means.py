@@ -22,6 +22,7 @@ from gen.law.contact_law import (
     with_contacts_between,
 )
 from gen.law.curves import APART, Curves, risen
+from gen.law.layer import check_layer
 from gen.law.multilevel import PILOT, Level, Planner
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.population import (
@@ -89,6 +90,7 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     assert scene is not None  # `_only_scene` has refused other inputs
     bodies = bodies_of(order, subjects)
     order.refuse_impossible(bodies.hardness)
+    check_layer(order, bodies)
     sampler = Sampler(
         order=order,
         scene=scene,
@@ -99,15 +101,15 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     )
     refuse_unsuitable(sampler, subjects.surfaces)
     layout = _with_other_table(sampler)
-    asked = layout.asked(errors, tuple(loads))
+    largest_errors = layout.largest_errors(errors, tuple(loads))
     search = PopulationSearch(
         sampler=replace(sampler, layout=layout),
-        planner=Planner(asked, sampler.tolerance),
+        planner=Planner(largest_errors, sampler.tolerance),
         stopping=stopping or (lambda: False),
     )
     search.run()
     means = search.means
-    worst = worst_errors(layout, means, asked, errors)
+    worst = worst_errors(layout, means, largest_errors, errors)
     sampled = SampledMeans(
         asked_errors=errors,
         tables={

@@ -120,6 +120,7 @@ class LawQuestion(NamedTuple):
     at: At = ""
     solver: Solver = False
     surfaces: options.Population = 50
+    layer_in: options.LayerIn = "mesh"
     boundary: LawBoundary = None
     interval: Coverage = None
 
@@ -408,6 +409,7 @@ def _order(
         level=interval,
         e_star=_modulus(material),
         hardness=material.hardness,
+        layer_in=question.layer_in,
         boundary=boundary,
         conductivities=conductivities,
         also=require_also(question.also or []),
