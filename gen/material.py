@@ -491,18 +491,48 @@ class LayeredBody(NamedTuple):
     # The body that is pressed on the layer; None if it is rigid.
     other: ElasticBody | None
 
+    @classmethod
+    def of(cls, body: "bem.Layered") -> Self:
+        """Return a layered body that a rigid one is pressed on.
+
+        Parameters
+        ----------
+        body : bem.Layered
+            The body as `bem.solve` takes it.
+
+        Returns
+        -------
+        LayeredBody
+            The same body.
+        """
+        layer = Layer(
+            thickness=body.thickness,
+            material=ElasticBody(young=body.modulus, poisson=body.poisson),
+            on_rigid=body.base == "rigid",
+        )
+        base: ElasticBody | None = None
+        if body.base != "rigid":
+            base = ElasticBody(young=body.base.modulus, poisson=body.base.poisson)
+        return cls(layer=layer, base=base, other=None)
+
     @property
-    def body(self) -> "bem.Body | tuple[bem.Body, bem.Body]":
-        """The layered body, or both bodies, as `bem.solve` takes them."""
+    def alone(self) -> "bem.Layered":
+        """The layered body without the other one."""
         import bem  # here, so that --help does not wait for it
 
         base: bem.HalfSpace | Literal["rigid"] = "rigid"
         if self.base is not None:
             base = bem.HalfSpace(*self.base)
-        layered = bem.Layered(self.layer.thickness, *self.layer.material, base)
+        return bem.Layered(self.layer.thickness, *self.layer.material, base)
+
+    @property
+    def body(self) -> "bem.Body | tuple[bem.Body, bem.Body]":
+        """The layered body, or both bodies, as `bem.solve` takes them."""
+        import bem  # here, so that --help does not wait for it
+
         if self.other is None:
-            return layered
-        return layered, bem.HalfSpace(*self.other)
+            return self.alone
+        return self.alone, bem.HalfSpace(*self.other)
 
 
 class Bodies(NamedTuple):

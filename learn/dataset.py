@@ -32,9 +32,7 @@ from learn.split import MAP, TILE, populations_of, surface_groups
 # Columns of the two targets that every database has, by their short names on the command line.
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 # Columns of real numbers that are no targets: inputs, and the residual of the solve.
-NO_TARGETS = frozenset(
-    {"delta", *STATISTICS, "load", "hardness", *OF_LAYERS, "residual"}
-)
+NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", *OF_LAYERS, "residual"})
 # Smallest number of usable rows. A fifth of them, two rows, test a model; a score needs two.
 SMALLEST = 10
 # Largest ratio without a warning that one number hides all others from a model. It is the ratio of

@@ -13,7 +13,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import Reading
-from gen.material import combined_modulus, loads_from
+from gen.material import Bodies, Layer, combined_modulus, loads_from
 from gen.runtime.command_line import (
     Trust,
     grouped,
@@ -137,11 +137,14 @@ def predict(
     *,
     reading: Reading,
     material: options.Material,
+    layer: options.Layer,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training.
 
     A surrogate made with --features scene takes the scene's parameters and its load instead of
-    surfaces: --at and --delta or --pressure, or tables with a column for each.
+    surfaces: --at and --delta or --pressure, or tables with a column for each. A surrogate of
+    layers of several thicknesses or moduli takes the options of a layer, with --young and --poisson
+    of what is below it.
     """
     from gen.doubts import material_doubts
     from gen.runtime.documents import Row, write_csv
@@ -161,6 +164,11 @@ def predict(
     rows: list[Row] = []
     doubts: list[str] = []
     if surrogate.features.of_scene:
+        if layer != options.Layer():
+            raise InputError(
+                f"{file}: leave out the options of a layer: a layer that its scene draws has"
+                " numbers of --at, layer_thickness and layer_modulus"
+            )
         numbers: dict[str, Any] = {**_parameters(at, reading, material), **loads}
         rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
         predicted = "means over surfaces" if mean else "new surfaces"
@@ -173,7 +181,7 @@ def predict(
                 " --mean are for surrogates that learn fit --features scene makes,"
                 " --pressure for those of --load pressure"
             )
-        bodies = surrogate.bodies(_modulus(material), material.hardness)
+        bodies = _bodies(surrogate, material, layer)
         question = SurfaceQuestion(
             loads=loads[load], bodies=bodies, level=level, reading=reading
         )
@@ -202,6 +210,26 @@ def _loads(delta: str, pressure: str) -> dict[str, Values]:
         if text:
             loads[name] = np.array(loads_from(name, text))
     return loads
+
+
+def _bodies(
+    surrogate: Surrogate, material: options.Material, layer: options.Layer
+) -> Bodies:
+    """Return the bodies of the options, completed by the training of a surrogate of surfaces.
+
+    Raises InputError if they are impossible, or if the surrogate has not learnt their kind.
+    """
+    bonded = Layer.of(*layer)
+    if bonded is None:
+        return surrogate.bodies(_modulus(material), material.hardness)
+    layered = Bodies.with_layer(bonded, *material).layered
+    assert layered is not None  # the layer was given
+    if layered.other is not None:
+        raise InputError(
+            "--young was given twice: the surrogate was trained on a rigid body that is pressed on"
+            " a layer; give that of what is below the layer"
+        )
+    return surrogate.bodies(None, material.hardness, layered.alone)
 
 
 def _modulus(material: options.Material) -> float | None:

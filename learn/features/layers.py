@@ -325,6 +325,13 @@ class TrainedLayers:
         return bem.Layered(self.thickness[0], self.modulus[0], self.kind.poisson, base)
 
     @property
+    def e_star(self) -> Span:
+        """Smallest and largest E* of the layers [MPa]."""
+        low, high = self.modulus
+        compressed = 1 - self.kind.poisson**2
+        return low / compressed, high / compressed
+
+    @property
     def text(self) -> str:
         """The layers and their bases in words."""
         base = "a rigid base"
@@ -357,6 +364,29 @@ class TrainedLayers:
                 f"the layer has {kind.text}: the surrogate was trained on layers with"
                 f" {self.kind.text}"
             )
+
+    def require_only(self, body: bem.Layered) -> None:
+        """Refuse a body that is not that of a training with one layer.
+
+        Parameters
+        ----------
+        body : bem.Layered
+            A body of a prediction, of this kind.
+
+        Raises
+        ------
+        InputError
+            If thickness or moduli differ by more than rounding from those of the training.
+        """
+        pairs = [(body.thickness, self.thickness), (body.modulus, self.modulus)]
+        if isinstance(body.base, bem.HalfSpace) and self.base_modulus is not None:
+            pairs.append((body.base.modulus, self.base_modulus))
+        for number, (trained, _) in pairs:
+            if not math.isclose(number, trained, rel_tol=SAME):
+                raise InputError(
+                    f"the surrogate holds for a layer of {self.text} alone: leave out the layer, or"
+                    " fit one with --features dimensionless or hybrid"
+                )
 
 
 def _span(numbers: Sequence[float]) -> Span | None:
