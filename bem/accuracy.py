@@ -31,8 +31,23 @@ from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
 from bem.coarsening import Coarsening, CoarserMap, sampled_lines
 from bem.contact import Contact
-from bem.derived.grid_error import FEWEST, LEAST_ORDER, GridError, slope_order_of_lines
-from bem.problem import RTOL, Problem, checked, pose, under_load
+from bem.derived.coarser import coarser
+from bem.derived.grid_error import (
+    FEWEST,
+    LEAST_ORDER,
+    GridError,
+    part_of_border,
+    slope_order_of_lines,
+)
+from bem.problem import (
+    RTOL,
+    NoSolution,
+    Problem,
+    check_solvable,
+    checked,
+    pose,
+    under_load,
+)
 from bem.solving import solve_posed
 from bem.threads import on_threads
 
@@ -66,7 +81,7 @@ FEWEST_TRIED = 4 * FEWEST
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)
 
-# The next four numbers only tell which grids are tried. They are those with which searches on
+# The next five numbers only tell which grids are tried. They are those with which searches on
 # spectral surfaces cost least; `python -m bench accuracy` measures this cost.
 
 # Bar at 95 % of the area that is expected on the first grid, over the area and over the share of
@@ -85,6 +100,10 @@ BY_LOST_SLOPE = 0.6
 # Least ratio of a grid's nodes a side to those of the last trial with which it is tried whatever is
 # expected of it [1].
 FURTHEST = 2.0
+
+# Edges of cells at the border of contact over nodes in contact, over the same ratio on half of the
+# nodes a side [1]. It is 0.50 to 0.58 on rough surfaces.
+OF_BORDER_ON_HALF = 0.52
 
 # Error that is expected on the given map, over the error asked for, above which the map is not
 # tried after a coarser grid [1]. Bars are hardly ever shorter than expected by more than this.
@@ -358,6 +377,8 @@ class _Search:
         self.coarsening = coarsening
         self.asked_errors = asked
         self.trials: list[Trial] = []
+        # Error ratio of the last trial, or the one that half of its nodes let expect.
+        self.last_ratio = math.inf
         # The contact of the trial with the smallest error ratio.
         self.best_contact: Contact | None = None
         # The contacts of all trials by the nodes of their grids.
@@ -418,12 +439,12 @@ class _Search:
             # less, and tells whether the map is hopeless.
             is_half = FURTHEST * max(nodes) >= max(map_nodes)
             return is_half and HOPELESS * least < self._expected_bar(map_nodes) < math.inf
-        last = self.trials[-1]
-        is_far = max(nodes) >= FURTHEST * max(last.nodes)
-        if last.error_ratio == math.inf:
+        last_nodes = self.trials[-1].nodes
+        is_far = max(nodes) >= FURTHEST * max(last_nodes)
+        if self.last_ratio == math.inf:
             return is_map or is_far
-        lost = self.coarsening.lost_slope(nodes) / self.coarsening.lost_slope(last.nodes)
-        expected_ratio = last.error_ratio * math.pow(lost, BY_LOST_SLOPE)
+        lost = self.coarsening.lost_slope(nodes) / self.coarsening.lost_slope(last_nodes)
+        expected_ratio = self.last_ratio * math.pow(lost, BY_LOST_SLOPE)
         if is_map:
             return expected_ratio <= HOPELESS
         return is_far or expected_ratio <= 1
@@ -470,9 +491,12 @@ class _Search:
         return slope_order_of_lines(lines, problem.boundary) < LEAST_ORDER
 
     def _try_grid(self, problem: Problem, dropped: float) -> Contact | None:
-        """Solve on a grid, judge the contact and append the trial; return None if the solver fails.
+        """Solve on a grid, judge the contact and append the trial; return None without a contact.
 
-        ArithmeticError of a linear solve for an answer passes through.
+        Half of the nodes are solved first: their contact is a start for that of the grid, and tells
+        how long the border of contact is on the grid. There is no contact if the border alone makes
+        the error too large, or if the solver fails. ArithmeticError of a linear solve for an answer
+        passes through.
 
         Parameters
         ----------
@@ -482,54 +506,82 @@ class _Search:
             Share of the given map's mean square slope that the grid lacks [1].
         """
         rows, columns = problem.heights.shape
-        try:
-            contact = self._solved(problem)
-        except ArithmeticError as failure:
-            trial = Trial(
-                nodes=(rows, columns),
-                waves_dropped=dropped,
-                errors={},
-                reason=str(failure),
-                convolutions=0.0,
-                work=0.0,
-            )
-            self.trials.append(trial)
-            return None
-        # An earlier trial on half of the nodes a side, if there is one, is the coarser contact.
+        trial = Trial(
+            nodes=(rows, columns),
+            waves_dropped=dropped,
+            errors={},
+            reason="",
+            convolutions=0.0,
+            work=0.0,
+        )
+        # An earlier trial on half of the nodes a side, if there is one, is the coarser contact, and
+        # is counted there.
         coarse = self.contact_by_nodes.get(((rows + 1) // 2, (columns + 1) // 2))
-        bars = contact.grid_error(coarse)
+        if coarse is None:
+            coarse = _on_half_of_the_nodes(problem)
+            if coarse is not None:
+                share = work(coarse.pressure.shape) / work((rows, columns))
+                trial = self._with_convolutions(trial, coarse.convolutions * share)
+        least_ratio = self._least_ratio(coarse)
+        is_map = problem.heights.shape == self.map_problem.heights.shape
+        # Where even the map may be hopeless, this contact tells the best bar.
+        if 1 < least_ratio <= HOPELESS and not is_map:
+            reason = (
+                "half of the nodes tell that the border alone makes the error too large"
+            )
+            self._append(replace(trial, reason=reason), expected_ratio=least_ratio)
+            return None
+        try:
+            contact = self._solved(problem, coarse)
+        except ArithmeticError as failure:
+            self._append(replace(trial, reason=str(failure)))
+            return None
         self.contact_by_nodes[rows, columns] = contact
+        trial = self._with_convolutions(trial, contact.convolutions)
+        bars = contact.grid_error(coarse)
         errors = {
             name: error_parts(contact, bars, name, asked_error=asked, dropped=dropped)
             for name, asked in self.asked_errors.items()
         }
-        convolutions = float(contact.convolutions)
-        # A coarser contact that was known is counted in the earlier trial.
-        if coarse is None and bars.coarse is not None:
-            share = work(bars.coarse.pressure.shape) / work((rows, columns))
-            convolutions += bars.coarse.convolutions * share
-        trial = Trial(
-            nodes=(rows, columns),
-            waves_dropped=dropped,
-            errors=errors,
-            reason=bars.reason,
-            convolutions=convolutions,
-            work=convolutions
-            * work((rows, columns))
-            / work(self.map_problem.heights.shape),
-        )
         smallest_ratio = min((one.error_ratio for one in self.trials), default=math.inf)
+        trial = replace(trial, errors=errors, reason=bars.reason)
         if trial.error_ratio < smallest_ratio:
             self.best_contact = contact
-        self.trials.append(trial)
+        self._append(trial)
         return contact
 
-    def _solved(self, problem: Problem) -> Contact:
+    def _with_convolutions(self, trial: Trial, convolutions: float) -> Trial:
+        """Return a trial with more convolutions on its grid, and their work."""
+        total = trial.convolutions + convolutions
+        share = work(trial.nodes) / work(self.map_problem.heights.shape)
+        return replace(trial, convolutions=total, work=total * share)
+
+    def _append(self, trial: Trial, expected_ratio: float = math.inf) -> None:
+        """Append a trial, whose error ratio may only be expected."""
+        self.trials.append(trial)
+        self.last_ratio = min(trial.error_ratio, expected_ratio)
+
+    def _least_ratio(self, coarse: Contact | None) -> float:
+        """Return the least error ratio that the contact on half of a grid's nodes lets expect [1].
+
+        It is that of the area for the place of its border; 0 if it is not known.
+        """
+        if coarse is None or coarse.contact_nodes == 0 or "area" not in self.asked_errors:
+            return 0.0
+        part = OF_BORDER_ON_HALF * part_of_border(coarse, "area")
+        return TO_95_PERCENT * part / self.asked_errors["area"]
+
+    def _solved(self, problem: Problem, coarse: Contact | None) -> Contact:
         """Solve on a grid, and again with a tighter tolerance if the gap is small against Delta.
 
-        The contact has the convolutions of both solves.
+        The start is the contact on half of the nodes, if there is one. The contact has the
+        convolutions of both solves.
         """
-        contact = solve_posed(problem)
+        near = None
+        if coarse is not None:
+            rows, columns = problem.heights.shape
+            near = coarse.pressure.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
+        contact = solve_posed(problem, near)
         if contact.delta == 0:  # a flat surface
             return contact
         gap = max(contact.mean_gap, 0.0)
@@ -564,6 +616,16 @@ class _Search:
             f" {best.reason}{untried}: ask for no less than that, or give a map with more nodes in"
             " a wave"
         )
+
+
+def _on_half_of_the_nodes(problem: Problem) -> Contact | None:
+    """Solve a problem with a datum on about every second node; None if it has no solution."""
+    try:
+        half = coarser(problem)
+        check_solvable(half)
+        return solve_posed(half)
+    except (NoSolution, ArithmeticError):
+        return None
 
 
 def _in_words(errors: Mapping[str, float]) -> str:

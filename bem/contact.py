@@ -82,7 +82,7 @@ class Contact:
     convolutions: int
     again: Callable[[Problem, Field | None], Contact] = field(repr=False)
     budget: Budget | None = field(default=None, repr=False)
-    _kept: dict[str | int, Any] = field(default_factory=dict, repr=False)
+    _kept: dict[str | int, Any] = field(default_factory=dict, init=False, repr=False)
 
     @computed_once
     def displacement(self) -> Field:

@@ -385,8 +385,8 @@ def _tabulated_depth(body: Body, farthest: float, depth: float) -> Callable[[Rea
     distances = depth * np.sinh(places)
     values = np.zeros(len(distances))
     for first in range(0, len(distances), ROWS):
-        some = slice(first, first + ROWS)
-        values[some] = j0(np.outer(distances[some], wave_numbers)) @ strengths
+        block = slice(first, first + ROWS)
+        values[block] = j0(np.outer(distances[block], wave_numbers)) @ strengths
     spline = make_interp_spline(places, values, 5)
 
     def displacement(distance: Real) -> Real:

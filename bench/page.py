@@ -169,6 +169,7 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["parts_of_caption"] = parts_of_caption
     return environment.get_template("page.html").render(_page_values(parts, inputs))
 
 
@@ -319,13 +320,13 @@ def _blocks_of(content: Content, part: Part, folder: Path) -> list[str]:
     """Return the paragraphs (Markdown) of one content, for a page of the manual in a folder."""
     if isinstance(content, Figure):
         picture = relpath(content.picture, folder)
-        caption = f":alt: {part.title}\n\n{content.caption}"
+        caption = f":alt: {part.title}\n\n{_prose(content.caption)}"
         return [f":::{{figure}} {picture}\n{caption}\n:::"]
     if isinstance(content, Table):
-        return [_escaped(content.caption), _markdown_table(content)]
+        return [_prose(content.caption), _markdown_table(content)]
     if content.typed:
-        return [f"```text\n{content.text}\n```"]
-    return [_escaped(content.text)]
+        return [f"```none\n{content.text}\n```"]
+    return [_prose(content.text)]
 
 
 def _how_made(shown: PartToShow) -> str:
@@ -363,6 +364,31 @@ def _markdown_table(content: Table) -> str:
     if left_out:
         text += f"\n\n{left_out:,} further rows are in `{content.data.name}`."
     return text
+
+
+def _prose(text: str) -> str:
+    """Return a text for a page of the manual: code stays code, other characters are escaped."""
+    return "".join(
+        f"`{words}`" if is_code else _escaped(words)
+        for words, is_code in parts_of_caption(text)
+    )
+
+
+def parts_of_caption(text: str) -> list[tuple[str, bool]]:
+    """Split a caption into its parts, and tell which of them are code.
+
+    Parameters
+    ----------
+    text : str
+        Plain text with code between backticks.
+
+    Returns
+    -------
+    list of (str, bool)
+        The parts without backticks, in their order, and whether each is code.
+    """
+    parts = text.split("`")
+    return [(part, place % 2 == 1) for place, part in enumerate(parts) if part]
 
 
 def _escaped(text: str) -> str:

@@ -17,6 +17,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx_gallery.gen_gallery",
+    "mathml",
     "results",
     "link_check",
 ]
@@ -31,7 +32,7 @@ exclude_patterns = [
 nitpicky = False
 highlight_language = "console"
 
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 
 autosummary_generate = True
@@ -66,12 +67,23 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
 }
 
+html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = "Asperity"
 html_static_path = ["static"]
 html_css_files = ["asperity.css"]
 html_show_sourcelink = False
 html_copy_source = False
+ALONE = (
+    "architecture",
+    "changelog",
+    "compatibility",
+    "glossary",
+    "install",
+    "model",
+    "references",
+)
+html_sidebars = {page: [] for page in ALONE}  # pages with none below or beside them
 html_theme_options = {
     "navbar_end": ["theme-switcher"],
     "navbar_align": "left",

@@ -240,8 +240,8 @@ def _band_weights(bands: Values, wavenumbers: Values) -> Values:
     band: nearly linearly in the wavenumber q below q1, and in its logarithm above.
     """
     places = np.log1p(bands / bands[1])
-    wanted = np.log1p(wavenumbers / bands[1])
-    positions = np.interp(wanted, places, np.arange(bands.size))
+    logarithms = np.log1p(wavenumbers / bands[1])
+    positions = np.interp(logarithms, places, np.arange(bands.size))
     below = np.minimum(positions.astype(np.int64), bands.size - 2)
     share = positions - below
     rows = np.arange(wavenumbers.size)

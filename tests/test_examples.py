@@ -305,6 +305,7 @@ def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(capsys
     assert "pressure, hardness wanted" in capsys.readouterr().err
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("table", "line"),
     [

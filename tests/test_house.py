@@ -262,6 +262,7 @@ LEAVES_OUT = {
 """What a statement, or a command line of `asperity`, must not import."""
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("line", LEAVES_OUT)
 def test_what_is_not_needed_is_not_imported(line, tmp_path):
     np.save(tmp_path / "surface.npy", np.random.default_rng(1).normal(size=(9, 9)))

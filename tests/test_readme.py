@@ -252,6 +252,7 @@ def run(words):
         assert launch(0, words[1], folder=Path.cwd(), module="asperity").returncode == 0
 
 
+@pytest.mark.long
 def test_the_readme(folder, monkeypatch, capfd):
     pytest.importorskip("SurfaceTopography")
     monkeypatch.chdir(folder)

@@ -321,15 +321,15 @@ def _by_runs(facing: Mask, axis: int, ratio: float, boundary: Boundary) -> _Dire
     aligned = np.zeros(len(places))
     run = np.ones(len(places))  # the edge itself and those in line on both sides
     for side in (-step, step):
-        beside = np.zeros(len(places))
+        in_line = np.zeros(len(places))
         unbroken = np.ones(len(places), dtype=bool)
         for distance in range(1, reach + 1):
             unbroken &= continued[places + distance * side]
             if not unbroken.any():
                 break
-            beside += unbroken
-        aligned += np.minimum(beside / ratio, 1)
-        run += beside
+            in_line += unbroken
+        aligned += np.minimum(in_line / ratio, 1)
+        run += in_line
     return _Directions(aligned=aligned, slope=np.minimum(run / ratio, 1))
 
 
@@ -340,19 +340,47 @@ def _continued(
 
     The depth is continued by zeros in any case; None is a depth of zero.
     """
-    mode = CONTINUED[boundary]
-    on_patch = np.pad(np.ones(pressure.shape, dtype=bool), RIM).ravel()
-    exists = np.ones(on_patch.shape, dtype=bool)
+    shape = [nodes + 2 * RIM for nodes in pressure.shape]
+    on_patch = np.zeros(shape, dtype=bool)
+    on_patch[RIM:-RIM, RIM:-RIM] = True
+    exists = np.ones(shape, dtype=bool)
     if boundary == "free":
         exists = on_patch
-    depths = np.zeros(pressure.shape) if depth is None else depth
+    depths = np.zeros(shape)
+    if depth is not None:
+        depths[RIM:-RIM, RIM:-RIM] = depth
     return _Continued(
-        pressure=np.pad(pressure, RIM, mode).ravel(),
-        gap=np.pad(gap, RIM, mode).ravel(),
-        depth=np.pad(depths, RIM).ravel(),
-        on_patch=on_patch,
-        exists=exists,
+        pressure=_with_rim(pressure, boundary).ravel(),
+        gap=_with_rim(gap, boundary).ravel(),
+        depth=depths.ravel(),
+        on_patch=on_patch.ravel(),
+        exists=exists.ravel(),
     )
+
+
+def _with_rim(field: Field, boundary: Boundary) -> Field:
+    """Return a field, (nx, ny), continued by `RIM` nodes on each side.
+
+    It is what `numpy.pad` returns in the mode of the boundary, in less time on small grids.
+    """
+    rows, columns = (_sources_of_rim(nodes, boundary) for nodes in field.shape)
+    rim = [*range(RIM), *range(-RIM, 0)]
+    continued = np.empty([nodes + 2 * RIM for nodes in field.shape])
+    continued[RIM:-RIM, RIM:-RIM] = field
+    continued[RIM:-RIM, rim] = field[:, columns]
+    continued[rim] = continued[RIM + rows]
+    return continued
+
+
+def _sources_of_rim(nodes: int, boundary: Boundary) -> Nodes:
+    """Return the nodes along an axis whose values continue it, (2 RIM,): before it, then after."""
+    places: Nodes = np.concatenate([np.arange(-RIM, 0), np.arange(nodes, nodes + RIM)])
+    if boundary == "free":
+        return np.clip(places, 0, nodes - 1)
+    if boundary == "mirror":  # images repeat themselves after two sides
+        places = places % (2 * nodes)
+        return np.minimum(places, 2 * nodes - 1 - places)
+    return places % nodes
 
 
 def _edges_between(

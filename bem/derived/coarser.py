@@ -13,69 +13,87 @@ from bem.problem import Boundary, Problem
 COARSE_RTOL = 3e-3
 
 
-def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
-    """Return the same problem on about every second node along each axis, and a pressure there.
+def coarser(problem: Problem) -> Problem:
+    """Return the same problem on about every second node along each axis.
 
     The coarser grid consists of nodes of the finer one where every second node covers the patch:
     with an even number of nodes on a patch that repeats itself, with an odd one on a free patch.
     Otherwise the surface is read between its nodes: by its own waves where the patch has no edges,
     by cubic splines on free patches. The outer nodes of a free patch stay on its border, so that
     its outer cells reach further beyond it. Where the problem has a datum of its own, the cells of
-    both grids cover the same patch instead.
+    both grids cover the same patch instead, and Delta counts from the same height.
 
     Parameters
     ----------
     problem : Problem
         The problem.
-    pressure : ndarray, shape (nx, ny)
-        Contact pressure at the problem's nodes [MPa].
 
     Returns
     -------
-    problem : Problem
+    Problem
         The problem on the coarser grid, with a tolerance of at least `COARSE_RTOL` and the same
         load.
-    pressure : ndarray, shape of the coarser heights
-        Pressure at the finer grid's nodes nearest to the coarser ones [MPa].
     """
     heights = problem.heights
     spacing = list(problem.spacing)
     for axis in (0, 1):
-        nodes = heights.shape[axis]
-        if nodes == 1:  # there is nothing to halve
+        if heights.shape[axis] == 1:  # there is nothing to halve
             continue
-        on_border = problem.boundary == "free" and problem.datum is None
-        centred = problem.boundary != "periodic"
-        places = _coarser_places(nodes, on_border=on_border, centred=centred)
+        places = _coarser_places(problem, axis)
         heights = _read(heights, axis, places, problem.boundary)
-        pressure = pressure.take(np.rint(places).astype(np.intp), axis)
         spacing[axis] *= places[1] - places[0]
     if problem.kernel == "concentrated-force":  # it needs square cells, to the last digit
         spacing = [float(np.sqrt(spacing[0] * spacing[1]))] * 2
-    half = replace(
+    datum = None
+    if problem.datum is not None:
+        datum = problem.datum_height - float(heights.max())
+    return replace(
         problem,
         heights=heights,
         spacing=(spacing[0], spacing[1]),
         rtol=max(problem.rtol, COARSE_RTOL),
+        datum=datum,
     )
-    return half, pressure
 
 
-def _coarser_places(nodes: int, *, on_border: bool, centred: bool) -> Values:
+def at_coarser_nodes(problem: Problem, pressure: Field) -> Field:
+    """Return a pressure at the nodes of a grid that are nearest to those of the coarser grid.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem on the grid.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure at its nodes [MPa].
+
+    Returns
+    -------
+    ndarray, shape of the coarser heights
+        The pressure, see `coarser` [MPa].
+    """
+    for axis in (0, 1):
+        if pressure.shape[axis] > 1:
+            places = _coarser_places(problem, axis)
+            pressure = pressure.take(np.rint(places).astype(np.intp), axis)
+    return pressure
+
+
+def _coarser_places(problem: Problem, axis: int) -> Values:
     """Return the places of the coarser grid's nodes along an axis, (m,) [spacing].
 
-    The outer nodes of both grids are `on_border`, or all nodes are centres of cells that cover the
-    same length: `centred` cells begin half a spacing before the first node, on both grids, and
-    otherwise the first nodes of both are the same.
+    The outer nodes of both grids are on the border of a free patch without a datum. On other
+    patches all nodes are centres of cells that cover the same length; cells of a periodic patch
+    begin at its first node.
     """
+    nodes = problem.heights.shape[axis]
     number = (nodes + 1) // 2
     places: Values = np.arange(number, dtype=np.float64)
-    if on_border:
+    if problem.boundary == "free" and problem.datum is None:
         places *= (nodes - 1) / (number - 1)
         return places
     step = nodes / number
     places *= step
-    if centred:
+    if problem.boundary != "periodic":
         places += 0.5 * step - 0.5
     return places
 

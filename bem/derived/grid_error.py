@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from bem.arrays import Field, Nodes
-from bem.derived.coarser import coarser
+from bem.derived.coarser import at_coarser_nodes, coarser
 from bem.far_field import BeyondCriticalDelta
 from bem.problem import Boundary, NoSolution, check_solvable
 from bem.threads import computed_once
@@ -628,9 +628,9 @@ def _solve_coarser(contact: Contact, summit: float) -> Contact:
     compliant far field. ArithmeticError passes through.
     """
     problem = contact.problem
-    half, near = coarser(problem, contact.pressure)
+    half = coarser(problem)
+    near = at_coarser_nodes(problem, contact.pressure)
     if problem.datum is not None:
-        half = replace(half, datum=problem.datum_height - float(half.heights.max()))
         check_solvable(half)
     elif problem.delta is None:
         half = replace(half, delta=None, force=contact.force)
@@ -671,6 +671,28 @@ def _steepening(contact: Contact) -> float:
     if contact.problem.boundary == "free":
         return 1.0
     return 1 + STEEPENING * contact.area_percent / 100
+
+
+def part_of_border(contact: Contact, name: str) -> float:
+    """Return the part of an answer's bar for the place of the border, over the answer.
+
+    It is half as large on twice the nodes a side, so that it tells the least bar of a finer grid.
+
+    Parameters
+    ----------
+    contact : Contact
+        A contact of at least one node, on a surface without creases.
+    name : str
+        Name of an answer, which does not depend on the open nodes.
+
+    Returns
+    -------
+    float
+        Share [1].
+    """
+    kind = "free" if contact.problem.boundary == "free" else "edgeless"
+    border = sum(contact.border_edges) / contact.contact_nodes
+    return WEIGHTS[kind][name].border * border
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:

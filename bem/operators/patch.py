@@ -546,9 +546,9 @@ def _inverse_filter(
     rows = _whole_blocks(shape[0])
     columns = _whole_blocks(shape[1])
     if boundary != "free":
-        whole = rows, columns
-        spectrum = stiffnesses(whole, boundary, body, aspect)
-        return edgeless_filter(whole, boundary, spectrum, "float32")
+        whole_blocks = rows, columns
+        spectrum = stiffnesses(whole_blocks, boundary, body, aspect)
+        return edgeless_filter(whole_blocks, boundary, spectrum, "float32")
     periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, body, aspect)
     for period in periods:

@@ -1,7 +1,6 @@
 """The tables of the manual, made of the files in `bench/results` and of the code's own lists."""
 
 import csv
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -86,17 +85,6 @@ def hybrid() -> list[str]:
         f" | {pair(other[model, 'baseline'], 'nmse', 'r2')} |"
         for model in MODELS
     ]
-
-
-def mirco() -> list[str]:
-    """R2 of baselines with the preset's influence coefficients, with MIRCO's, and the paper's."""
-    preset, concentrated = scores("comparison"), scores("comparison-concentrated")
-    lines = []
-    for model in MODELS:
-        row, other = preset[model, "baseline"], concentrated[model, "baseline"]
-        columns = cells(row, "r2"), cells(other, "r2"), cells(row, "paper_r2")
-        lines.append(f"| {MODELS[model].title} | {' | '.join(columns)} |")
-    return lines
 
 
 def surrogates() -> list[str]:
@@ -257,69 +245,6 @@ def grids() -> list[str]:
     return lines
 
 
-def unstated() -> list[str]:
-    """What the choices that the paper leaves open change."""
-    lines = []
-    for row in table("unstated/unstated.csv"):
-        ours = f" instead of {row['ours']}" if row["ours"] else ""
-        what = f"{row['choice']}: {row['other']}{ours}" if row["other"] else row["choice"]
-        times = cells(row, "area_times", "force_times")
-        shares = " | ".join(f"{float(row[name]):.0f}" for name in ("done", "table_1"))
-        lines.append(f"| {what} | {shares} | {times} | {cells(row, 'r2', 'tree_r2')} |")
-    return lines
-
-
-def nearest() -> list[str]:
-    """Table 4 of the nearest reading beside the paper's."""
-    return [
-        f"| {row['model']} | "
-        + " | ".join(
-            pair(row, name, f"paper_{name}") for name in ("nmse", "nmae", "nmaxe", "r2")
-        )
-        + " |"
-        for row in table("nearest/baselines.csv")
-    ]
-
-
-def nearest_ranges() -> list[str]:
-    """Table 1 of the nearest reading beside the paper's."""
-    return [
-        f"| {row['quantity']} | {row['low']} to {row['high']}"
-        f" | {row['paper_low']} to {row['paper_high']} | {row['distance']} |"
-        for row in table("nearest/ranges.csv")
-    ]
-
-
-def nearest_costs() -> list[str]:
-    """Scores of the paper, of the nearest reading, and of what differs from it in one thing."""
-    found: dict[str, list[str]] = {}
-    for row in table("nearest/scores.csv"):
-        own = found.setdefault(row["model"], [pair(row, "paper_nmse", "paper_r2")])
-        own.append(pair(row, "nmse", "r2"))
-    return [
-        f"| {MODELS[model].title} | {' | '.join(own)} |" for model, own in found.items()
-    ]
-
-
-def nearest_hurst() -> list[str]:
-    """What the range of Hurst exponents does to the nearest reading."""
-    nearest_one, *_ = table("nearest/finalists.csv")
-    start = {
-        name: nearest_one[name]
-        for name in ("split", "delta", "loads", "sigma0", "kernel")
-    }
-    start["seed"] = "0"
-    names = "decision-tree", "adaboost", "xgboost", "gaussian-process", "kernel-ridge"
-    rows = [row for row in table("nearest/search.csv") if start.items() <= row.items()]
-    ranges = {row["hurst"]: row for row in rows if row["hurst"].startswith("[")}
-    return [
-        f"| {hurst[1:-1].replace(',', ' to')} | "
-        + cells(ranges[hurst], *(f"{name}_nmse" for name in names), "table_1", "table_4")
-        + " |"
-        for hurst in sorted(ranges, key=json.loads)
-    ]
-
-
 def exponents() -> list[str]:
     """Hurst exponents of generated surfaces beside those that were asked for."""
     lines: dict[tuple[str, str], list[str]] = {}
@@ -330,18 +255,6 @@ def exponents() -> list[str]:
         f"| `{generator}` | {nodes} | {' | '.join(found)} |"
         for (generator, nodes), found in lines.items()
     ]
-
-
-def outputs() -> list[str]:
-    """Cost of the optional columns of a database."""
-    lines = []
-    for row in table("outputs/outputs.csv"):
-        more, middle, low, high = (
-            float(row[name]) for name in ("more_ms", "ratio", "ratio_low", "ratio_high")
-        )
-        time = f"{more:+.2f} | {middle:.3f} ({low:.3f} to {high:.3f})"
-        lines.append(f"| `{row['column']}` | {time} | {int(row['bytes']):,} |")
-    return lines
 
 
 def asked() -> list[str]:
@@ -448,19 +361,6 @@ def features() -> list[str]:
     return lines
 
 
-def yielding() -> list[str]:
-    """Scores of a surrogate of bodies that yield."""
-    lines = []
-    for row in table("yielding-surrogate/yielding-surrogate.csv"):
-        ends = f"{float(row['least']):.2g} to {float(row['most']):.3g}"
-        inside = f"{100 * float(row['covered']):.1f}"
-        lines.append(
-            f"| {row['target']}, {ends} | {int(row['trained']):,}, {int(row['judged']):,}"
-            f" | {float(row['nmae']):.2f} | {float(row['r2']):.3f} | {inside} |"
-        )
-    return lines
-
-
 @dataclass(frozen=True)
 class PageTable:
     """A table of a page.
@@ -496,7 +396,7 @@ TABLES = {
                 "stability/stability.csv",
                 "stability/surfaces.csv",
             ),
-            *("growth/growth.csv", "scale/scale.csv", "comparison/area/scores.csv"),
+            *("growth/growth.csv", "comparison/area/scores.csv"),
             *("cost/learning.csv", "coverage/coverage.csv", "scans/scans.csv"),
             *("grow/grow.csv", "cost/cost.csv"),
         ),
@@ -551,19 +451,6 @@ TABLES = {
             "comparison-hybrid/area/scores.csv",
         ),
     ),
-    "mirco": PageTable(
-        (
-            "",
-            "uniform pressure, ours",
-            "concentrated forces",
-            "the paper",
-        ),
-        mirco,
-        (
-            "comparison/area/scores.csv",
-            "comparison-concentrated/area/scores.csv",
-        ),
-    ),
     "surrogates": PageTable(
         (
             "tested on: R2, nMAE [%]",
@@ -613,51 +500,6 @@ TABLES = {
             "search/area/tuning.csv",
         ),
     ),
-    "unstated": PageTable(
-        (
-            "choice",
-            "solved [%]",
-            "Table 1",
-            "area, times",
-            "force, times",
-            "R2",
-            "R2 of trees",
-        ),
-        unstated,
-        ("unstated/unstated.csv",),
-    ),
-    "nearest": PageTable(
-        ("ours, the paper's [%]", "nMSE", "nMAE", "nMaxE", "R2"),
-        nearest,
-        ("nearest/baselines.csv",),
-    ),
-    "nearest_ranges": PageTable(
-        ("quantity", "ours", "the paper", "distance of the ends [% of the width]"),
-        nearest_ranges,
-        ("nearest/ranges.csv",),
-    ),
-    "nearest_costs": PageTable(
-        (
-            "nMSE, R2 [%]",
-            "the paper",
-            "as shipped",
-            "ten loads a surface, surfaces split",
-            "ten loads a surface, rows split",
-            "Hurst exponents to 0.8",
-            "uniform pressure",
-        ),
-        nearest_costs,
-        ("nearest/scores.csv",),
-    ),
-    "nearest_hurst": PageTable(
-        (
-            "Hurst exponents",
-            *("decision tree", "AdaBoost", "XGBoost", "GP", "kernel ridge"),
-            *("distance from Table 1", "from Table 4"),
-        ),
-        nearest_hurst,
-        ("nearest/search.csv", "nearest/finalists.csv"),
-    ),
     "exponents": PageTable(
         (
             "generator",
@@ -666,16 +508,6 @@ TABLES = {
         ),
         exponents,
         ("hurst/hurst.csv",),
-    ),
-    "outputs": PageTable(
-        (
-            "`[store]`",
-            "ms per sample",
-            "time with / without",
-            "bytes per sample",
-        ),
-        outputs,
-        ("outputs/outputs.csv",),
     ),
     "speed": PageTable(
         (
@@ -696,17 +528,6 @@ TABLES = {
         ),
         features,
         ("features/features.csv",),
-    ),
-    "yielding": PageTable(
-        (
-            "kernel ridge, H/E* 0.003 to 0.1",
-            "training, test rows",
-            "nMAE [%]",
-            "R2 [%]",
-            "in the 90 % interval [%]",
-        ),
-        yielding,
-        ("yielding-surrogate/yielding-surrogate.csv",),
     ),
 }
 """The tables that a page shows by `{result} NAME`."""

@@ -43,7 +43,7 @@ MAPS = {"found": "map", "against_found": "the second body's map"}
 Each of these maps is printed in a separate line.
 """
 
-LEVELLING_STEPS = frozenset(("level plane", "level quadratic", "form"))
+LEVELLING_STEPS = frozenset(("level plane", "level quadratic", "level lines", "form"))
 """Steps of a preparation that remove the tilt of a map."""
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 from gen import options
-from gen.maps.settings import FileReading, Reading
+from gen.maps.settings import Reading, SceneReading
 from gen.material import Bodies, Friction, Gas, Layer, require_within, shear_shares
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
@@ -416,13 +416,16 @@ def scene(
     like: options.Like = None,
     generator: options.LikeGenerator = "",
     material: options.Material,
-    reading: FileReading,
+    reading: SceneReading,
 ) -> None:
     """Examine measured maps and write a scene of their windows, or of surfaces like them.
 
     With --like, the map and ten surfaces are pressed under three pressures. If area and mean gap
     are those of the map, the surfaces are taken: those of its self-affine law if it has one,
     otherwise surfaces with its own spectrum and heights. If not, windows of the map are.
+
+    Maps are despiked, levelled and filled as they need it, and --despike and --level overrule these
+    steps. Other commands take the same steps with --prepare.
 
     Comments in the scene give the reasons for its values. The scene can be run as it is, and is
     meant to be edited.
@@ -433,7 +436,7 @@ def scene(
         inputs=inputs or [],
         like=like or [],
         output=output,
-        reading=Reading(**vars(reading)),  # with the defaults for all preparation
+        reading=Reading(**vars(reading)),
         bodies=Bodies.of(*material),
         command=recorded_command_line(context, "gen"),
         generator=generator,

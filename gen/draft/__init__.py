@@ -21,7 +21,6 @@ from gen.draft.populations import LikeMaps, propose_population
 from gen.draft.proposal import propose
 from gen.draft.survey import MapSurvey, print_surveys
 from gen.draft.writing import (
-    preparation_options,
     require_new,
     scene_like,
     scene_of_population,
@@ -85,7 +84,8 @@ def draft(
     output : Path
         The file to write the scene to, which must not exist.
     reading : Reading
-        Unit, lengths and channel for files that do not determine them.
+        Unit, lengths and channel for files that do not determine them, and steps of the
+        preparation that are not to be chosen for the maps.
     bodies : Bodies
         Material of the contact.
     command : str
@@ -144,7 +144,7 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
             return drafted
     like = propose_population(paths, order.reading)
     print_surveys(like.surveys)
-    _print_preparation(like)
+    _print_preparation(like.reading, like.surveys)
     judgements = _judged_population(order, like)
     verdicts = [judgement.verdict for judgement in judgements]
     if "not of its kind" in verdicts and not order.generator:
@@ -192,10 +192,13 @@ def _surface_like(
     return scale * generate_like(population, shape, (nx, ny), random)
 
 
-def _print_preparation(like: LikeMaps) -> None:
-    """Print how the maps were prepared, in options that `gen describe` takes too."""
-    options = preparation_options(like.reading)
+def _print_preparation(reading: Reading, surveys: Sequence[MapSurvey]) -> None:
+    """Print how maps were prepared, as options of `gen describe`, and what it changes."""
+    options = reading.options_of_steps
     echo(f"prepared by {options}; give these to gen describe for the same numbers")
+    for survey in surveys:
+        if survey.effect:
+            echo(f"{survey.path.name}: {survey.effect}")
 
 
 def _draft_law(order: _Order, path: Path) -> Draft | None:
@@ -228,6 +231,7 @@ def _draft_law(order: _Order, path: Path) -> Draft | None:
         echo("surfaces get the spectrum of the map itself (--generator spectral insists)")
         return None
     print_surveys([likeness.survey])
+    _print_preparation(likeness.reading, [likeness.survey])
     text = scene_like(likeness, order.bodies, order.command, order.output)
     scene = write(order.output, text)
     doubt = likeness.doubt
@@ -282,6 +286,7 @@ def _draft_windows(order: _Order, inputs: Sequence[str]) -> Draft:
     with RunProgress(2 * len(paths), noun="readings") as progress:
         proposal = propose(paths, order.reading, advance=lambda: progress.advance(rows=1))
     print_surveys(proposal.surveys)
+    _print_preparation(proposal.reading, proposal.surveys)
     text = scene_of_windows(proposal, order.bodies, inputs, order.command, order.output)
     scene = write(order.output, text)
     summary = (

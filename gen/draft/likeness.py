@@ -99,8 +99,8 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     path : Path
         File of the map.
     reading : Reading
-        Unit, lengths and channel, if the file does not determine them. The steps of the preparation
-        are chosen for the map, whatever `reading` holds.
+        Unit, lengths and channel, if the file does not determine them. Steps of the preparation
+        that it lacks are chosen for the map.
 
     Returns
     -------

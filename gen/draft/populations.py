@@ -178,8 +178,8 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     paths : sequence of Path
         Files of the maps, at least one.
     reading : Reading
-        Unit, lengths and channel, if the files do not determine them. The steps of the preparation
-        are chosen for the maps, whatever `reading` holds.
+        Unit, lengths and channel, if the files do not determine them. Steps of the preparation
+        that it lacks are chosen for the maps.
 
     Returns
     -------

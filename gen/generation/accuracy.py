@@ -220,10 +220,10 @@ def with_accuracy(
     """
     trial = _Trial(scene, limit, watched=watched)
     try:
-        found = trial.solve()
+        solved = trial.solve()
     except MemoryError:
         raise too_little_for_solve(trial.nodes) from None
-    return Scene.from_text(found.text(), "the scene with its accuracy")
+    return Scene.from_text(solved.text(), "the scene with its accuracy")
 
 
 class _Trial:
@@ -272,8 +272,8 @@ class _Trial:
 
     def _grids(self) -> list[tuple[int, int]]:
         """Return the nodes of the grids to try, from the coarsest one on."""
-        made = self.scene.made_grid
-        finest = made.shape
+        grid_made = self.scene.made_grid
+        finest = grid_made.shape
         ladder = list(grids(finest))
         if not self.scene.surface.ON_ANY_GRID or self.scene.has_cells:
             return ladder
@@ -348,8 +348,8 @@ class _Trial:
                 for key, asked in self.asked.items()
             }
             return _JudgedContact(errors, "nothing touches", row)
-        made = made_surface_of(candidate, self.plan, row)
-        surface = on_grid_of_contacts(candidate, made)
+        full_surface = made_surface_of(candidate, self.plan, row)
+        surface = on_grid_of_contacts(candidate, full_surface)
         # The waves that this grid drops use up too much of the error by themselves.
         if OF_DROPPED * surface.dropped > MOST_FOR_WAVES * min(self.asked.values()):
             return _JudgedContact({}, CUT, row)
@@ -385,17 +385,19 @@ class _Trial:
 
     def _message(self) -> str:
         """Say that no grid gives the errors, how near the finest one comes, and why."""
-        asked = ", ".join(f"{key} = {error:g}" for key, error in self.asked.items())
+        requests = ", ".join(f"{key} = {error:g}" for key, error in self.asked.items())
         nx, ny = self.scene.made_grid.shape
         place = f"on {nx} x {ny} nodes, the finest grid"
         if not self.judged or not self.judged[-1].contacts:
-            return f"accuracy: {asked}: {place}, no contact of its trial has a solution"
+            return (
+                f"accuracy: {requests}: {place}, no contact of its trial has a solution"
+            )
         nearest = self.judged[-1].beyond[0]
         advice = "more nodes in the shortest wave"
         if self.scene.surface.ON_ANY_GRID:
             advice = "more nodes or longer waves"
         return (
-            f"accuracy: {asked} is not reached {place}: {nearest.in_words} where"
+            f"accuracy: {requests} is not reached {place}: {nearest.in_words} where"
             f" {self._place_of(nearest.row)} ({nearest.reason}); give {advice}, or ask for less"
         )
 

@@ -284,8 +284,8 @@ def surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     SourceError
         If a map is missing, or the user's generator fails. It is a kind of InputError.
     """
-    made = made_surface_of(scene, plan, row)
-    return on_grid_of_contacts(scene, made).heights
+    surface = made_surface_of(scene, plan, row)
+    return on_grid_of_contacts(scene, surface).heights
 
 
 def made_surface_of(scene: Scene, plan: Plan, row: int) -> Heights:

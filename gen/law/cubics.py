@@ -120,8 +120,8 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
         yield f"From: {source.text}"
     if law.order.command:
         yield f"Command: {law.order.command}"
-    made = datetime.now(UTC).isoformat(timespec="seconds")
-    yield f"Made: {made}, asperity {VERSION} {commit}"
+    written_at = datetime.now(UTC).isoformat(timespec="seconds")
+    yield f"Made: {written_at}, asperity {VERSION} {commit}"
     for note in law.notes:
         yield f"How: {note}"
     yield _band_in_words(law)

@@ -754,5 +754,5 @@ def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Value
             f"the law closes by {overclosures[-1]:.4g}: CalculiX takes up to {FAR[0]:g}"
         )
     slope = (loads[-1] - loads[-2]) / (overclosures[-1] - overclosures[-2])
-    further = loads[-1] + slope * (FAR - overclosures[-1])
-    return np.append(loads, further), np.append(overclosures, FAR)
+    last_pressure = loads[-1] + slope * (FAR - overclosures[-1])
+    return np.append(loads, last_pressure), np.append(overclosures, FAR)

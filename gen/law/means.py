@@ -99,15 +99,15 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     )
     refuse_unsuitable(sampler, subjects.surfaces)
     layout = _with_other_table(sampler)
-    asked = layout.asked(errors, tuple(loads))
+    largest_errors = layout.largest_errors(errors, tuple(loads))
     search = PopulationSearch(
         sampler=replace(sampler, layout=layout),
-        planner=Planner(asked, sampler.tolerance),
+        planner=Planner(largest_errors, sampler.tolerance),
         stopping=stopping or (lambda: False),
     )
     search.run()
     means = search.means
-    worst = worst_errors(layout, means, asked, errors)
+    worst = worst_errors(layout, means, largest_errors, errors)
     sampled = SampledMeans(
         asked_errors=errors,
         tables={

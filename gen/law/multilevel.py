@@ -413,13 +413,13 @@ class Planner:
 
     Attributes
     ----------
-    asked : ndarray, shape (m,)
+    relative_errors : ndarray, shape (m,)
         Largest relative errors of the means at 95 %, infinite for answers that may have any [1].
     tolerance : float
         Tolerance of the solver [Delta].
     """
 
-    asked: Values
+    relative_errors: Values
     tolerance: float
 
     def next_step(
@@ -455,8 +455,10 @@ class Planner:
         best = min(possible_plans, key=lambda plan: plan.cost, default=None)
         if cost_of_finer is not None:
             # The bias is expected to fall in proportion to the spacing.
-            left = _left_for_surfaces(means.bias / 2, largest)
-            cost = PILOT_OF_FINER * cost_of_finer + _cheapest(levels, means, left).cost
+            variance = _left_for_surfaces(means.bias / 2, largest)
+            cost = (
+                PILOT_OF_FINER * cost_of_finer + _cheapest(levels, means, variance).cost
+            )
             if best is None or cost < best.cost:
                 return Refinement()
         if best is None:
@@ -483,11 +485,11 @@ class Planner:
         plan = _cheapest(levels, means, _left_for_surfaces(bias, largest))
         finest = levels[-1]
         on_finest = max(plan.numbers[-1], math.ceil(number))
-        further = on_finest - max(plan.numbers[-1], finest.surface_count)
+        new_surfaces = on_finest - max(plan.numbers[-1], finest.surface_count)
         return Sampling(
             coarsest=plan.coarsest,
             numbers=(*plan.numbers[:-1], on_finest),
-            cost=plan.cost + max(further, 0) * finest.cost_of_correction,
+            cost=plan.cost + max(new_surfaces, 0) * finest.cost_of_correction,
         )
 
     def _more_for_bias(
@@ -528,8 +530,8 @@ class Planner:
             Largest errors, infinite for answers that may have any, and for those that are not
             finite.
         """
-        is_asked = np.isfinite(self.asked) & np.isfinite(means.mean)
-        factors = np.where(is_asked, self.asked, 1.0)
+        is_asked = np.isfinite(self.relative_errors) & np.isfinite(means.mean)
+        factors = np.where(is_asked, self.relative_errors, 1.0)
         scale = np.where(is_asked, np.abs(means.mean), math.inf)
         return factors * scale
 
@@ -565,21 +567,20 @@ def _left_for_surfaces(bias: Values, largest: Values) -> Values:
     A bias above `LARGEST_BIAS` of the largest error is replaced by this: further surfaces on the
     finest grid will reduce it.
     """
-    with np.errstate(
-        invalid="ignore"
-    ):  # answers without an asked error have infinite ones
-        left = largest**2 - bias**2
-    return np.fmax(left, (1 - LARGEST_BIAS**2) * largest**2)
+    # Answers without an asked error have infinite ones.
+    with np.errstate(invalid="ignore"):
+        variance = largest**2 - bias**2
+    return np.fmax(variance, (1 - LARGEST_BIAS**2) * largest**2)
 
 
-def _cheapest(levels: Sequence[Level], means: Means, left: Values) -> Sampling:
+def _cheapest(levels: Sequence[Level], means: Means, variance: Values) -> Sampling:
     """Return the coarsest grid that is worth its samples, and the numbers that cost least.
 
-    `left` has the squares of the largest errors that the finite number of surfaces may make, (m,).
+    `variance` has the largest squared errors of the finite number of surfaces, (m,).
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         factors = means.surfaces / means.standard_error
-        largest_variance = left / factors**2
+        largest_variance = variance / factors**2
     coarsest = _coarsest_worth_it(levels, largest_variance)
     kept = levels[coarsest:]
     numbers = _numbers(kept, largest_variance)

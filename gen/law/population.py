@@ -137,7 +137,9 @@ class Layout:
         """
         return answers.reshape(len(self.quantities), self.columns)
 
-    def asked(self, errors: Mapping[str, float], requested: tuple[Load, ...]) -> Values:
+    def largest_errors(
+        self, errors: Mapping[str, float], requested: tuple[Load, ...]
+    ) -> Values:
         """Return the largest relative error of each answer.
 
         Parameters
@@ -152,14 +154,14 @@ class Layout:
         ndarray, shape (m,)
             The errors, infinite for answers that may have any. A load of 0 is exact.
         """
-        asked = np.full((len(self.quantities), self.columns), math.inf)
+        largest_errors = np.full((len(self.quantities), self.columns), math.inf)
         for name, error in errors.items():
             row = self.quantities.index(quantity_in_law(name))
             for load in requested:
-                asked[row, self.places(load)] = np.where(
+                largest_errors[row, self.places(load)] = np.where(
                     self.loads[load] > 0, error, math.inf
                 )
-        return asked.ravel()
+        return largest_errors.ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -569,7 +571,9 @@ class PopulationSearch:
         """Say which errors are not reachable, what the best ones are, and what helps."""
         nx, ny = self.sampler.shape
         errors = self.sampler.order.errors or {}
-        worst = worst_errors(self.sampler.layout, self.means, self.planner.asked, errors)
+        worst = worst_errors(
+            self.sampler.layout, self.means, self.planner.relative_errors, errors
+        )
         unmet = [
             error.text
             for error in worst
@@ -666,7 +670,7 @@ class WorstError:
 
 
 def worst_errors(
-    layout: Layout, means: Means, asked: Values, names: Iterable[str]
+    layout: Layout, means: Means, largest_errors: Values, names: Iterable[str]
 ) -> list[WorstError]:
     """Return the error of each answer at its worst load.
 
@@ -676,17 +680,18 @@ def worst_errors(
         Order of the answers.
     means : Means
         Means and their errors.
-    asked : ndarray, shape (m,)
-        Largest relative errors, see `Layout.asked` [1].
+    largest_errors : ndarray, shape (m,)
+        Largest relative errors, see `Layout.largest_errors` [1].
     names : iterable of str
         Names of the answers of which errors were asked for.
 
     Returns
     -------
     list of WorstError
-        One for each answer. An answer is left out if it has no finite mean under a load of `asked`.
+        One for each answer. An answer is left out if it has no finite mean under a load
+        with a finite largest error.
     """
-    places = layout.by_quantity(np.arange(asked.size))
+    places = layout.by_quantity(np.arange(largest_errors.size))
     worst: list[WorstError] = []
     for name in names:
         row = layout.quantities.index(quantity_in_law(name))
@@ -694,10 +699,10 @@ def worst_errors(
             WorstError(
                 name=name,
                 load=_load_at(layout, column),
-                parts=MeanErrorParts.of(means, int(place), float(asked[place])),
+                parts=MeanErrorParts.of(means, int(place), float(largest_errors[place])),
             )
             for column, place in enumerate(places[row])
-            if math.isfinite(asked[place]) and math.isfinite(means.mean[place])
+            if math.isfinite(largest_errors[place]) and math.isfinite(means.mean[place])
         ]
         if candidates:
             worst.append(

@@ -52,12 +52,12 @@ class ProgramTable:
 
     pressure: Column
     closure: Column
-    others: tuple[Column, ...]  # all further columns of the law
+    curves: tuple[Column, ...]  # all further columns of the law
 
     @property
     def over_pressure(self) -> tuple[Column, ...]:
         """The closure and all further columns, without the pressure."""
-        return (self.closure, *self.others)
+        return (self.closure, *self.curves)
 
 
 def write_for_moose(path: Path, law: Law, units: Units) -> list[Path]:
@@ -179,18 +179,18 @@ def program_table(law: Law, units: Units) -> ProgramTable:
     joint = rising(law)
     table = law.over_pressure
     places = np.flatnonzero(np.isin(table.at, joint.pressures[1:]))
-    others: list[Column] = []
+    curves: list[Column] = []
     for name, curve in table.curves.items():
         if name in {CLOSURE.in_laws, PRESSURE.in_laws}:
             continue
         at_rest = table.at_rest.get(name, 0.0)
         values = np.append(at_rest, curve.value[places])
         if np.isfinite(values).all():
-            others.append(_column(name, values, units))
+            curves.append(_column(name, values, units))
     return ProgramTable(
         pressure=_column(PRESSURE.in_laws, joint.pressures, units),
         closure=_column(CLOSURE.in_laws, joint.closures, units),
-        others=tuple(others),
+        curves=tuple(curves),
     )
 
 

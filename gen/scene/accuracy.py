@@ -114,9 +114,11 @@ class Accuracy(Table):
         if self.found is None:
             return []
         nx, ny = self.found.nodes
-        asked = [f"{key} within {_percent(error)}" for key, error in self.asked.items()]
+        requests = [
+            f"{key} within {_percent(error)}" for key, error in self.asked.items()
+        ]
         lines = [
-            f"{', '.join(asked)} in 95 % of rows: {nx} x {ny} nodes, rtol {rtol:.3g}"
+            f"{', '.join(requests)} in 95 % of rows: {nx} x {ny} nodes, rtol {rtol:.3g}"
         ]
         for key, error in self.found.errors.items():
             lines.append(

@@ -134,13 +134,13 @@ class Scene(Table):
         layer = self.contact.layer
         if layer is None or self.contact.boundary != "free":
             return
-        least = THINNEST * max(self.grid.spacing)
+        thinnest_allowed = THINNEST * max(self.grid.spacing)
         thinnest = limits(layer.thickness).smallest
-        if thinnest < least:
+        if thinnest < thinnest_allowed:
             raise conflict(
                 f"contact.layer.thickness goes down to {thinnest:g} um: on a free patch a layer has"
-                f" {least:g} um at least, {THINNEST:g} of a cell; give contact.boundary ="
-                " 'periodic' or 'mirror'"
+                f" {thinnest_allowed:g} um at least, {THINNEST:g} of a cell; give"
+                " contact.boundary = 'periodic' or 'mirror'"
             )
 
     def _require_one_modulus_for_relative_loads(self) -> None:
@@ -172,12 +172,12 @@ class Scene(Table):
 
     def _require_nodes_of_surfaces(self) -> None:
         """Refuse a recorded grid that is finer than the one on which surfaces are made."""
-        made = self.made_grid.shape
+        shape_made = self.made_grid.shape
         nodes = self.grid.shape
-        if nodes[0] > made[0] or nodes[1] > made[1]:
+        if nodes[0] > shape_made[0] or nodes[1] > shape_made[1]:
             raise conflict(
                 f"accuracy.found.nodes are {nodes[0]} x {nodes[1]}, the surfaces are made on"
-                f" {made[0]} x {made[1]}: give no more"
+                f" {shape_made[0]} x {shape_made[1]}: give no more"
             )
 
     def _require_one_table_of_loads(self) -> None:
@@ -257,19 +257,21 @@ class Scene(Table):
         if self.accuracy is None or self.accuracy.found is None:
             return self.made_grid
         nodes = self.accuracy.found.nodes
-        made = self._grid_of(self._patch)
+        grid_made = self._grid_of(self._patch)
         if self.surface.ON_ANY_GRID:
-            return self._grid_of(Patch(nodes=nodes, sides=made.sides))
+            return self._grid_of(Patch(nodes=nodes, sides=grid_made.sides))
         spacing = [
             step * count / fewer
-            for step, count, fewer in zip(made.spacing, made.shape, nodes, strict=True)
+            for step, count, fewer in zip(
+                grid_made.spacing, grid_made.shape, nodes, strict=True
+            )
         ]
         intervals = nodes if self.has_cells else (nodes[0] - 1, nodes[1] - 1)
         return Grid(
             shape=nodes,
             sides=(spacing[0] * intervals[0], spacing[1] * intervals[1]),
             spacing=(spacing[0], spacing[1]),
-            boundary=made.boundary,
+            boundary=grid_made.boundary,
         )
 
     @property

@@ -206,17 +206,17 @@ def checked_numbers(
     names = tuple(map(plain, columns))
     _require_names(names, numbers)
     with input_errors():
-        given = {name: np.atleast_1d(real_array(name, numbers[name])) for name in names}
-    for name, values in given.items():
+        entries = {name: np.atleast_1d(real_array(name, numbers[name])) for name in names}
+    for name, values in entries.items():
         if values.ndim != 1:
             raise InputError(
                 f"{', '.join(names)}: give numbers or arrays of one dimension, not {name} of"
                 f" shape {values.shape}"
             )
     try:
-        arrays = np.broadcast_arrays(*given.values())
+        arrays = np.broadcast_arrays(*entries.values())
     except ValueError:
-        lengths = ", ".join(f"{name} {values.size}" for name, values in given.items())
+        lengths = ", ".join(f"{name} {values.size}" for name, values in entries.items())
         raise InputError(
             f"arrays of unequal lengths: {lengths}; give one length"
         ) from None

@@ -263,10 +263,10 @@ class Growth:
         `first_size` is the number of rows of the first look. The caller holds the lock of the
         database.
         """
-        wanted = first_size
+        size_wanted = first_size
         last: Look | None = None
         while True:
-            rows = self.generate(scene, wanted)
+            rows = self.generate(scene, size_wanted)
             no_new_row = last is not None and rows == last.rows
             if no_new_row and not self.stopping():
                 # The budget does not suffice for another row.
@@ -284,7 +284,7 @@ class Growth:
             if last is None:
                 self.say(f"{rows} rows are too few: {attempt.fault}")
             following = size_with(rows + 1, self.per_surface)
-            wanted = min(size(following, self.per_surface), self.row_limit)
+            size_wanted = min(size(following, self.per_surface), self.row_limit)
 
     def _try_to_look(self, rows: int, *, required: bool) -> Attempt:
         """Look at the first `rows` rows of the database, and set `last_look`.

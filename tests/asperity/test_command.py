@@ -122,7 +122,7 @@ def inputs(tmp_path_factory):
     return folder
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", LINES)
 def test_a_command_whose_reader_has_ended_writes_all_its_files(
     inputs, name, tmp_path, monkeypatch, capsys
@@ -192,6 +192,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.mpi
 @pytest.mark.skipif(find_spec("mpi4py") is None, reason="no mpi4py")
 @pytest.mark.parametrize(

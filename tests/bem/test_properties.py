@@ -145,6 +145,7 @@ def test_force_follows_modulus_heights_and_side_and_the_area_none(
 drawn = lru_cache(yielding_problem)  # both ways have the same problems, and one reference
 
 
+@pytest.mark.few(48)
 @pytest.mark.parametrize("seed", range(100))
 def test_contact_is_that_of_bounded_least_squares(seed):
     asked = drawn(seed)

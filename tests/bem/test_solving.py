@@ -47,6 +47,7 @@ def test_a_ladder_gives_what_single_solves_give(deltas, kernel):
         )
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize(
     "loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]]
@@ -186,6 +187,7 @@ def test_forces_that_would_vanish_or_overflow_are_refused(side, scale, load):
         bem.solve(scale * ROUGH[:20, :20], side, **load)
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize("shape", [(65, 65), (64, 66), (70, 41), (37, 90)])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("name", SURFACES)

@@ -58,7 +58,7 @@ def contents(folder):
     ]
     return [
         Figure(save(figure, folder / "wide.png"), "A line that falls.", data=(data,)),
-        Table(data, "Two numbers."),
+        Table(data, "Two numbers: `delta` and its `r2` < 1."),
         Table(written("wide.csv", wide, folder), "Very wide."),
         Table(written("cases.csv", cases, folder), "Cases.", verdict="verdict"),
         Words("First line,\n  then " + "x" * 500, typed=True),
@@ -99,6 +99,11 @@ def test_page_holds_tables_with_all_digits(shown, text):
     assert ">0.3<" in text
 
 
+def test_code_in_captions_is_shown_as_code(text):
+    assert "Two numbers: <code>delta</code> and its <code>r2</code> &lt; 1." in text
+    assert 'aria-label="Two numbers: delta and its r2 &lt; 1."' in text
+
+
 def test_page_marks_and_counts_rows_that_failed(text):
     assert text.count('<tr class="failed">') == 1
     assert re.search(r'Rows with a verdict:\s+2 in <a href="#one">All kinds</a>;\s', text)
@@ -118,6 +123,7 @@ def test_page_shows_what_there_is_as_it_is(text):
     assert "delta [µm]" in text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("width", [360, 1440])
 def test_browser_shows_the_page_without_error_or_overflow(shown, width):
     from browser import look

@@ -180,8 +180,8 @@ def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
         (["run", "nothing", "-o", "here"], "nothing: give one of accuracy"),
         (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
         (
-            ["run", "scale", "-o", "here"],
-            "scale: is no longer made; the code up to commit d9d1fb3",
+            ["run", "search", "-o", "here"],
+            "search: is no longer made; the code up to commit 400d6f8",
         ),
         (["run", "cost", "-o", "here", "--database", "none.h5"], "none.h5"),
         (["page", "nowhere"], "nowhere is not a folder"),

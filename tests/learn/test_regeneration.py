@@ -32,7 +32,7 @@ def coarse_solves(database, executor, stopping, blocks=BLOCKS):
     return regeneration.coarse_solves(part, executor, stopping, features).columns
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("blocks", "load"), [*((each, "") for each in BLOCK_COUNTS), (33, "pressure")]
 )

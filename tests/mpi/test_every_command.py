@@ -25,6 +25,7 @@ def test_every_command_has_bad_command_lines():
         assert set(command_lines.commands(program)) == set(known)
 
 
+@pytest.mark.long
 def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
     command_lines.prepare(tmp_path)
     walked = command_lines.COMMANDS if LEARNING else ["gen"]

@@ -95,6 +95,7 @@ def columns_of(path):
         }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", INPUTS)
 def test_the_solver_answers_with_rows_of_any_scene(folder, name, monkeypatch):
     monkeypatch.chdir(Path((folder / f"{name}.toml").resolve()).parent)

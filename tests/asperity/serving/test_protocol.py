@@ -124,6 +124,7 @@ def rows(folder):
         yield [[hurst, sigma0], [delta]], {"surface": surface}, [[area], [force], [delta]]
 
 
+@pytest.mark.few(1)
 def test_the_solver_answers_with_the_rows_of_the_database(folder, served):
     model = umbridge.HTTPModel(served.address, "small")
     assert umbridge.supported_models(served.address) == ["small", "learnt", "few"]

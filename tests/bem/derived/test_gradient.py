@@ -124,6 +124,7 @@ def chosen_nodes(heights, random, count):
     return [int(order[-1]), *upper, *random.integers(heights.size, size=count)]
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("case", CASES)
 def test_gradients_are_central_differences(case):
     heights = rough((20, 23), seed=3)

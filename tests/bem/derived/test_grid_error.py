@@ -8,7 +8,7 @@ import pytest
 
 import bem
 from bem.bodies import HALF_SPACE
-from bem.derived.coarser import coarser
+from bem.derived.coarser import at_coarser_nodes, coarser
 from bem.derived.grid_error import slope_order
 from bem.far_field import critical_delta
 from bem.problem import pose
@@ -35,9 +35,9 @@ def test_the_coarser_grid_reads_the_same_surface(boundary, nodes):
         return np.cos(turns[0] * x)[:, None] * np.cos(turns[1] * y)
 
     fine = surface(problem.heights.shape, problem.spacing)
-    half, nearest = coarser(
-        pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary), fine
-    )
+    problem = pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary)
+    half = coarser(problem)
+    nearest = at_coarser_nodes(problem, fine)
     assert nearest == pytest.approx(half.heights, abs=2 * max(half.spacing))
     assert half.heights.shape == ((nodes + 1) // 2, (nodes + 2) // 2)
     sides = [n - (boundary == "free") for n in half.heights.shape]

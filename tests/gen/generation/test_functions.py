@@ -173,6 +173,7 @@ def late(here, body):
     return delta > middle
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("body", "fault"),
     [

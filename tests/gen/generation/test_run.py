@@ -31,6 +31,7 @@ def run(*arguments):
     return cli.main(["run", *arguments])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("block_rows", [1, 7])
 @pytest.mark.parametrize("m", [1, 5])
 def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):

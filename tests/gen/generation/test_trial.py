@@ -63,6 +63,7 @@ COMMANDS = (
 )
 
 
+@pytest.mark.few(3)
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("slip", SLIPS)
 def test_commands_tell_a_slip_in_one_wording(slip, capsys):
@@ -139,6 +140,7 @@ def database(path):
     return made
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", preset_names())
 def test_no_shipped_scene_warns_but_that_of_the_corners(name, database):
     scene = load(name)

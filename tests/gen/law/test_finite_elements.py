@@ -547,6 +547,7 @@ def rough(request, tmp_path_factory):
     return folder, rows
 
 
+@pytest.mark.long
 def test_rows_of_calculix_are_within_5_percent_up_to_90_percent_contact(rough):
     """The conductance diverges towards full contact: by the loads alone it was 163 % too large."""
     folder, rows = rough

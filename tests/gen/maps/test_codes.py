@@ -52,6 +52,7 @@ def written(heights, path):
     return path
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("suffix", [".txt", ".npy", ".xyz", ".csv"])
 def test_codes_of_every_format_are_named_with_a_mask_that_takes_them_out(
     tmp_path, suffix

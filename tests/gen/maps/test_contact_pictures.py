@@ -63,7 +63,7 @@ def titled(figure, text):
     )
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", PATCHES)
 def test_nothing_is_cut_or_overlaps(shape):

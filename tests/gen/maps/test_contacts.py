@@ -394,6 +394,7 @@ def flows(tmp_path_factory):
     return folder
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("axis", "name"), [(0, "x"), (1, "y")])
 def test_the_flow_through_the_gap_is_written(axis, name, flows):
     light = pd.read_csv(flows / "two.csv").iloc[0]

@@ -217,6 +217,7 @@ def test_an_alarm_that_is_swallowed_rings_again():
         swallow()
 
 
+@pytest.mark.long
 def test_late_samples_stay_pending_and_the_next_run_does_them(
     folder, monkeypatch, capsys
 ):

@@ -243,6 +243,7 @@ def small(tmp_path_factory):
     return folder
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_link_to_what_does_not_exist_yet_is_followed(
     small, tmp_path, monkeypatch, name

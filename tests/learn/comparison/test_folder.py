@@ -69,6 +69,7 @@ FIT = (*FIT, "-o", "a.surrogate")
 TUNE = ("tune", "rows.h5", "-o", "found", "--model", "decision-tree")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("more", "word"),
     [

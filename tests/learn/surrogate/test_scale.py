@@ -81,6 +81,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("change", CHANGES)
 def test_copies_of_quantities_scale_as_the_quantities_do(surrogate, change):
     up, longer, stiffer = CHANGES[change]
