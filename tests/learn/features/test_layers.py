@@ -1,6 +1,8 @@
 """Surrogates of bodies with a layer: features, questions, and answers at other scales."""
 
 import json
+import re
+import shutil
 from dataclasses import replace
 
 import h5py
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 from databases import database_of
 from learnt_rows import read
+from pages import ROOT
 
 import bem
 from asperity.functions import SceneFunction, SurrogateFunction
@@ -18,10 +21,11 @@ from gen.scene import Scene
 from learn import Surrogate, dataset
 from learn import cli as learn_cli
 from learn.dataset import Request
-from learn.features import SurfaceFeatures, chosen
+from learn.features import SurfaceFeatures, chosen, sets
 from learn.features.columns import BASE_RATIO, LAYER_DEPTH
 from learn.features.layers import TrainedLayers
 from learn.features.sets import FORMULAS
+from learn.features.surface import CoarseMaterial
 from learn.surrogate.card import lines
 
 SCENE = """samples = {samples}
@@ -318,3 +322,45 @@ def test_databases_of_layers_are_learnt_together_if_their_kinds_are_alike(folder
         InputError, match=r"rigid\.h5: contact\.layer is .* on a rigid base"
     ):
         dataset.read(unlike)
+
+
+def test_a_law_of_a_surrogate_of_layers_is_refused(folder, question, capsys):
+    assert learn_cli.main(["law", str(folder / "fixed.surrogate"), *question]) == 2
+    assert "laws are those of half-spaces" in capsys.readouterr().err
+
+
+def without_layers(monkeypatch):
+    """Let features and coarse solves be those of half-spaces, as if nothing told the layer."""
+    monkeypatch.setattr(sets, "_layer_columns", lambda *_: [])
+    monkeypatch.setattr(
+        CoarseMaterial, "of", lambda hardness_ratio, _: CoarseMaterial(hardness_ratio)
+    )
+
+
+@pytest.fixture(scope="module")
+def coatings(tmp_path_factory):
+    """A database of 1,000 coatings on steel, of the scene in docs/how-to/layers.md."""
+    page = (ROOT / "docs/how-to/layers.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(samples.*?)```", page, re.DOTALL)
+    return database_of(tmp_path_factory.mktemp("coatings"), text, "coatings")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("features", "error", "ratio"), [("dimensionless", 3.3, 2.9), ("hybrid", 1.0, 10.0)]
+)
+def test_the_area_is_learnt_with_the_features_of_layers(
+    coatings, tmp_path, monkeypatch, features, error, ratio
+):
+    """The error is the nMAE of the area on rows that were left out [%]."""
+    errors = []
+    for name in ("with", "without"):
+        if name == "without":
+            without_layers(monkeypatch)
+        database = shutil.copy(coatings, tmp_path / f"{name}.h5")
+        file = tmp_path / f"{name}.surrogate"
+        line = ["fit", str(database), "--features", features, "--load", "pressure"]
+        assert learn_cli.main([*line, "-o", str(file)]) == 0
+        errors.append(Surrogate.load(file).card["targets"]["area"]["scores"]["nmae"])
+    assert errors[0] < error, errors
+    assert errors[1] > ratio * errors[0], errors
