@@ -21,15 +21,16 @@ A contact on fewer nodes stands for that of the given map in three ways:
 from __future__ import annotations  # short signatures in help()
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from bem.answers import ANSWERS, Answer
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
-from bem.coarsening import Coarsening, CoarserMap, sampled_lines
+from bem.coarsening import Coarsening, CoarserMap
 from bem.contact import Contact
 from bem.derived.coarser import coarser
 from bem.derived.grid_error import (
@@ -37,7 +38,6 @@ from bem.derived.grid_error import (
     LEAST_ORDER,
     GridError,
     part_of_border,
-    slope_order_of_lines,
 )
 from bem.problem import (
     RTOL,
@@ -49,7 +49,7 @@ from bem.problem import (
     under_load,
 )
 from bem.solving import solve_posed
-from bem.threads import on_threads
+from bem.threads import computed_once, on_threads
 
 # Factor from a bar of 90 % to one of 95 % [1]. `python -m bench accuracy` counts the errors that
 # are inside.
@@ -81,29 +81,45 @@ FEWEST_TRIED = 4 * FEWEST
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)
 
-# The next five numbers only tell which grids are tried. They are those with which searches on
-# spectral surfaces cost least; `python -m bench accuracy` measures this cost.
+# The next numbers only tell which grids are tried. They are those with which searches on spectral
+# surfaces cost least; `python -m bench accuracy` measures this cost.
 
-# Bar at 95 % of the area that is expected on the first grid, over the area and over the share of
-# the mean square slope that twice the spacing loses (`Coarsening.lost_slope`) [1].
-EXPECTED_BAR = 0.07
+# Ratio of the nodes a side of two grids of a search that follow each other [1].
+SEARCH_STEP = math.sqrt(STEP)
+
+# Bar at 95 % of the area that is expected on the first grid: its ratio to the area is a factor
+# times a power of the share of the mean square slope that twice the spacing loses
+# (`Coarsening.lost_slope`) [1].
+EXPECTED_BAR = 0.1
+EXPECTED_POWER = 0.8
 
 # Factor of this bar on free patches [1].
-ON_FREE_PATCH = 2.5
+ON_FREE_PATCH = 3.2
 
-# Largest lost share with which bars are expected to hold [1]. Waves of 8 nodes lose this share.
-MOST_LOST = 0.15
+# Mean pressure to which this bar belongs, if the load is known, and the power of the pressure with
+# which it falls [E* times the rms slope, 1].
+EXPECTED_LOAD = 0.05
+BY_LOAD = -0.35
+
+# Least mean pressure for which this law is used [E* times the rms slope].
+LIGHTEST = 0.005
+
+# Largest lost share with which bars are expected to hold [1]. Waves of 9 nodes lose this share.
+MOST_LOST = 0.11
 
 # Power of the lost share by which bars fall from grid to grid [1].
-BY_LOST_SLOPE = 0.6
+BY_LOST_SLOPE = 0.7
+
+# Largest expected error over the error asked for with which a grid is tried after another [1].
+EXPECTED_MARGIN = 0.9
 
 # Least ratio of a grid's nodes a side to those of the last trial with which it is tried whatever is
 # expected of it [1].
 FURTHEST = 2.0
 
-# Edges of cells at the border of contact over nodes in contact, over the same ratio on half of the
-# nodes a side [1]. It is 0.50 to 0.58 on rough surfaces.
-OF_BORDER_ON_HALF = 0.52
+# Error that is expected on a grid, over the part for the place of the border on half of its nodes
+# a side [1]. This part alone becomes 0.51 to 0.6 times as large on rough surfaces.
+OF_BORDER_ON_HALF = 0.6
 
 # Error that is expected on the given map, over the error asked for, above which the map is not
 # tried after a coarser grid [1]. Bars are hardly ever shorter than expected by more than this.
@@ -111,34 +127,6 @@ HOPELESS = 6.0
 
 # Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
 ERRORS = Range(1e-14, 1, "above 1e-14 and below 1: 0.01 is one per cent")
-
-
-@dataclass(frozen=True)
-class Answer:
-    """An answer of a contact that can be asked for with an error.
-
-    Attributes
-    ----------
-    value : callable
-        Function that returns the answer of a contact.
-    bar : callable
-        Function that returns the half-width of its 90 % bar, in the same unit.
-    """
-
-    value: Callable[[Contact], float]
-    bar: Callable[[GridError], float]
-
-
-ANSWERS = {
-    "area": Answer(
-        lambda contact: contact.continuum_area_percent, lambda error: error.area_percent
-    ),
-    "mean_gap": Answer(lambda contact: contact.mean_gap, lambda error: error.mean_gap),
-    "stiffness": Answer(lambda contact: contact.stiffness, lambda error: error.stiffness),
-    "delta": Answer(lambda contact: contact.delta, lambda error: error.delta),
-    "force": Answer(lambda contact: contact.force, lambda error: error.force),
-}
-"""Answers that can be asked for, by their names."""
 
 
 class NotReachable(ArithmeticError):
@@ -296,8 +284,8 @@ class Surface:
             As the function `solve_within` raises them.
         """
         errors = checked_errors(error)
-        problem = under_load(self._unloaded, delta, force=force, pressure=pressure)
-        problem = replace(problem, rtol=checked("rtol", tolerance_for(errors)))
+        unloaded = replace(self._unloaded, rtol=checked("rtol", tolerance_for(errors)))
+        problem = under_load(unloaded, delta, force=force, pressure=pressure)
         with on_threads(None if threads is None else checked("threads", threads)):
             return _Search(problem, self._coarsening, errors).solve()
 
@@ -401,7 +389,7 @@ class _Search:
         if not self._is_loaded:  # nothing touches, which is exact on any grid
             return solve_posed(self.map_problem).with_budget(self.budget)
         self._refuse_endless_waves()
-        for nodes in grids(self.map_problem.heights.shape):
+        for nodes in grids(self.map_problem.heights.shape, SEARCH_STEP):
             if not self._is_worth_trying(nodes):
                 continue
             coarser_map = self.coarsening.on(nodes)
@@ -447,7 +435,7 @@ class _Search:
         expected_ratio = self.last_ratio * math.pow(lost, BY_LOST_SLOPE)
         if is_map:
             return expected_ratio <= HOPELESS
-        return is_far or expected_ratio <= 1
+        return is_far or expected_ratio <= EXPECTED_MARGIN
 
     def _expected_bar(self, nodes: tuple[int, ...]) -> float:
         """Return the relative bar of the area that is expected on a grid by the map's slopes [1].
@@ -457,9 +445,19 @@ class _Search:
         lost = self.coarsening.lost_slope(nodes)
         if lost > MOST_LOST:
             return math.inf
-        if self.map_problem.boundary == "free":
-            return ON_FREE_PATCH * EXPECTED_BAR * lost
-        return EXPECTED_BAR * lost
+        bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER) * self._factor_of_load
+        return ON_FREE_PATCH * bar if self.map_problem.boundary == "free" else bar
+
+    @computed_once
+    def _factor_of_load(self) -> float:
+        """Factor of the expected bar for the load, 1 if the displacement is given [1]."""
+        problem = self.map_problem
+        slope = self.coarsening.rms_slope / problem.spacing[0]
+        if not problem.force or not slope > 0:
+            return 1.0
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        load = problem.force / area / problem.modulus / slope
+        return math.pow(max(load, LIGHTEST) / EXPECTED_LOAD, BY_LOAD)
 
     def _refuse_endless_waves(self) -> None:
         """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
@@ -485,10 +483,8 @@ class _Search:
         """
         if problem.hardness is not None:
             return False
-        lines = self.coarsening.lines
-        if problem.heights.shape != self.map_problem.heights.shape:
-            lines = sampled_lines(problem.heights)
-        return slope_order_of_lines(lines, problem.boundary) < LEAST_ORDER
+        rows, columns = problem.heights.shape
+        return self.coarsening.slope_order((rows, columns)) < LEAST_ORDER
 
     def _try_grid(self, problem: Problem, dropped: float) -> Contact | None:
         """Solve on a grid, judge the contact and append the trial; return None without a contact.
@@ -522,14 +518,14 @@ class _Search:
             if coarse is not None:
                 share = work(coarse.pressure.shape) / work((rows, columns))
                 trial = self._with_convolutions(trial, coarse.convolutions * share)
-        least_ratio = self._least_ratio(coarse)
+        expected_ratio = self._expected_ratio(coarse)
         is_map = problem.heights.shape == self.map_problem.heights.shape
         # Where even the map may be hopeless, this contact tells the best bar.
-        if 1 < least_ratio <= HOPELESS and not is_map:
+        if 1 < expected_ratio <= HOPELESS and not is_map:
             reason = (
                 "half of the nodes tell that the border alone makes the error too large"
             )
-            self._append(replace(trial, reason=reason), expected_ratio=least_ratio)
+            self._append(replace(trial, reason=reason), expected_ratio=expected_ratio)
             return None
         try:
             contact = self._solved(problem, coarse)
@@ -561,8 +557,8 @@ class _Search:
         self.trials.append(trial)
         self.last_ratio = min(trial.error_ratio, expected_ratio)
 
-    def _least_ratio(self, coarse: Contact | None) -> float:
-        """Return the least error ratio that the contact on half of a grid's nodes lets expect [1].
+    def _expected_ratio(self, coarse: Contact | None) -> float:
+        """Return the error ratio that the contact on half of a grid's nodes lets expect [1].
 
         It is that of the area for the place of its border; 0 if it is not known.
         """
@@ -638,8 +634,8 @@ def error_parts(
 ) -> ErrorParts:
     """Return the relative error of an answer at 95 %, by its causes.
 
-    The part for dropped waves is that of the area, and the part for the solver is the tolerance
-    relative to Delta, whatever the answer is.
+    The part for dropped waves is that of the area, whatever the answer is. The part for the solver
+    follows from the largest violation of the conditions of contact that the solver has left.
 
     Parameters
     ----------
@@ -668,8 +664,16 @@ def error_parts(
         asked_error=asked_error,
         grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
         waves=OF_DROPPED * dropped,
-        solver=contact.problem.rtol,
+        solver=_error_of_solver(contact, ANSWERS[name]),
     )
+
+
+def _error_of_solver(contact: Contact, answer: Answer) -> float:
+    """Return the relative error at 95 % that the solver leaves in an answer [1]."""
+    error = answer.by_violation * contact.residual
+    if contact.mean_gap > 0:  # full contact has no gap
+        error *= (abs(contact.delta) / contact.mean_gap) ** answer.gap_power
+    return error
 
 
 def tolerance_for(asked: Mapping[str, float]) -> float:
@@ -725,16 +729,17 @@ def work(nodes: tuple[int, ...]) -> float:
 # Grids of the same surface
 
 
-def grids(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+def grids(shape: tuple[int, ...], step: float = STEP) -> Iterator[tuple[int, int]]:
     """Yield the nodes of the grids of a map, from the coarsest one to the map itself.
 
-    Each has about 1.4 times as many nodes a side as the one before. Their numbers suit fast
-    transforms and the coarser grids of `bem.derived.grid_error`.
+    Their numbers suit fast transforms and the coarser grids of `bem.derived.grid_error`.
 
     Parameters
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the map.
+    step : float
+        Approximate ratio of the nodes a side of a grid to those of the grid before it [1].
 
     Yields
     ------
@@ -742,11 +747,13 @@ def grids(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
         Nodes (mx, my).
     """
     rows, columns = shape
-    steps = math.floor(math.log(max(min(rows, columns) / FEWEST_TRIED, 1), STEP))
-    for step in range(steps, 0, -1):
-        coarse = _fast_nodes(rows / STEP**step), _fast_nodes(columns / STEP**step)
-        if coarse[0] < 0.85 * rows and coarse[1] < 0.85 * columns:
+    steps = math.floor(math.log(max(min(rows, columns) / FEWEST_TRIED, 1), step))
+    last = (0, 0)
+    for number in range(steps, 0, -1):
+        coarse = _fast_nodes(rows / step**number), _fast_nodes(columns / step**number)
+        if coarse[0] < 0.85 * rows and coarse[1] < 0.85 * columns and coarse != last:
             yield coarse
+            last = coarse
     yield rows, columns
 
 

@@ -19,6 +19,7 @@ from bem.bodies import (
 )
 from bem.checks import LARGEST, Range, real_array, real_number, refuse_masked, shown
 from bem.influence import largest_wave_number
+from bem.threads import computed_once
 
 Boundary = Literal["free", "periodic", "mirror"]
 BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
@@ -193,10 +194,15 @@ class Problem:
         area = self.heights.size * self.spacing[0] * self.spacing[1]
         return self.force / area * self.body.mean_compliance
 
+    @computed_once
+    def highest(self) -> float:
+        """Height of the highest node [um]."""
+        return float(self.heights.max())
+
     @property
     def datum_height(self) -> float:
         """Height at which Delta is zero [um]."""
-        return float(self.heights.max()) + (self.datum or 0.0)
+        return self.highest + (self.datum or 0.0)
 
     @property
     def aspect(self) -> float:
@@ -532,7 +538,7 @@ def _check_range(problem: Problem) -> None:
     along, across = problem.spacing
     depth = problem.delta or along
     load = problem.force or depth * problem.modulus * along
-    half = float(heights.max() / 2 - heights.min() / 2)
+    half = problem.highest / 2 - float(heights.min()) / 2
     numbers = {
         "spacing [um]": min(along, across),
         "cell aspect ratio": across / max(along, NUMBERS[0]),
@@ -586,8 +592,10 @@ def checked_heights(heights: ArrayLike) -> Field:
         raise ValueError(
             f"heights have shape {surface.shape}: a grid of nodes (nx, ny) is needed"
         )
-    holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
-    if holes:
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_finite = math.isfinite(float(surface.sum()))  # faster than a look at each node
+    if not is_finite and not np.isfinite(surface).all():
+        holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
         raise ValueError(
             f"heights hold {holes} values that are not finite: fill or crop them"
         )

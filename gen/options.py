@@ -328,6 +328,18 @@ class Layer(NamedTuple):
     ] = "elastic"
 
 
+LayerPlace = Literal["mesh", "law"]
+"""What has the uniform compression of a layer: the mesh, or the closure of the law."""
+
+LayerIn = Annotated[
+    LayerPlace,
+    Option(
+        help="mesh: the mesh contains the layer, so that the closure is without its uniform"
+        " compression; law: the closure has it."
+    ),
+]
+
+
 class Shear(NamedTuple):
     """The options about shear of two bodies of like elastic constants."""
 
@@ -401,7 +413,7 @@ class Accuracy(NamedTuple):
         Returns
         -------
         dict from str to float, or None
-            Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1]; None
+            Largest relative errors, by the names of the answers in `bem.answers.ANSWERS` [1]; None
             if the option is left out.
 
         Raises

@@ -404,9 +404,9 @@ def _nominal_pressure(contact: Contact, _: Media) -> float:
 
 
 def _closure(contact: Contact, media: Media) -> float:
-    """Return Delta less the displacement of the half-space behind a free patch [um].
+    """Return Delta less the displacement of the patch by a uniform pressure [um].
 
-    It is 0 if rounding makes the difference negative.
+    See `patch_compliance`. It is 0 if rounding makes the difference negative.
     """
     compliance = patch_compliance(contact.problem)
     return max(contact.delta - compliance * _nominal_pressure(contact, media), 0.0)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import erfinv, expit, logit
 
 import bem
-from bem.accuracy import ANSWERS
+from bem.answers import ANSWERS
 from bem.problem import pose
 from bem.solving import solve_posed
 from bem.threads import on_threads

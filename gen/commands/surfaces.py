@@ -142,6 +142,7 @@ def contact(
 
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
+    bodies = _bodies(context, material, layer)
     conductivities = _conductivities(conductivity)
     friction = shear.friction_of(material)
     slip_shares = _slip_shares(shares, friction)
@@ -162,9 +163,6 @@ def contact(
         command=recorded_command_line(context, "gen"),
     )
     files.check(_input_files(surfaces, facing))
-    bodies = _bodies(material, layer)
-    if bodies.layered is not None:
-        options.refuse(context, options.NOT_WITH_LAYER, "--layer-thickness")
     order = PressingOrder(
         reading=reading,
         boundary=boundary,
@@ -183,7 +181,7 @@ def contact(
         ),
         bodies=bodies,
         settings={
-            **_elastic_settings(bodies),
+            **bodies.elastic_settings,
             "hardness": bodies.hardness,
             **settings,
         },
@@ -209,19 +207,18 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     return require_conductivities(values)
 
 
-def _bodies(material: options.Material, layer: options.Layer) -> Bodies:
-    """Return the bodies of the options; raise InputError if the options do not go together."""
+def _bodies(
+    context: typer.Context, material: options.Material, layer: options.Layer
+) -> Bodies:
+    """Return the bodies of the options; raise InputError if the options do not go together.
+
+    With a layer, other options of the command may be refused.
+    """
     bonded = Layer.of(*layer)
     if bonded is None:
         return Bodies.of(*material)
+    options.refuse(context, options.NOT_WITH_LAYER, "--layer-thickness")
     return Bodies.with_layer(bonded, *material)
-
-
-def _elastic_settings(bodies: Bodies) -> dict[str, Any]:
-    """Return the arguments of `bem.solve` about the elastic material of bodies."""
-    if bodies.layered is None:
-        return {"modulus": bodies.e_star}
-    return {"body": bodies.layered.body}
 
 
 def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:
@@ -290,6 +287,8 @@ def law(
     delta: options.Delta = "",
     pressure: options.Pressure = "",
     material: options.Material,
+    layer: options.Layer,
+    layer_in: options.LayerIn = "mesh",
     conductivity: options.Conductivity = None,
     shear: options.Shear,
     at_pressure: options.AtPressure = None,
@@ -316,6 +315,9 @@ def law(
     The patch is a piece of a larger interface, continued by its mirror images. The closure is
     therefore that of the interface alone: a mesh adds it to the deformation of the bodies.
 
+    With --layer-thickness the first elastic body has a layer; --young and --poisson are those of
+    what it lies on. Mesh the layer, or give --layer-in law.
+
     With --error each load of each surface is solved on fewer nodes, as many as the error needs, and
     the files say which errors were asked for and are met.
 
@@ -334,7 +336,7 @@ def law(
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = figure_for(files.picture, width=12.0, height=7.0)
-    bodies = Bodies.of(*material)
+    bodies = _bodies(context, material, layer)
     # Poisson's ratio alone states a material too, with a modulus of 1 MPa.
     states_modulus = bodies.has_modulus or material.poisson
     order = Order(
@@ -345,6 +347,8 @@ def law(
         level=band,
         e_star=bodies.e_star if states_modulus else None,
         hardness=bodies.hardness,
+        layered=bodies.layered,
+        layer_in=layer_in,
         boundary=boundary,
         conductivities=_conductivities(conductivity),
         gas=_gas(gas_conductivity, jump_distance),

@@ -2,8 +2,9 @@
 
 `gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
 the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
-population to maps of one kind, from their spectra by `gen.draft.bands`. `gen.draft.judge` compares
-surfaces with a map by the contact, and `gen.draft.writing` writes the scene.
+population to maps of one kind, from their spectra by `gen.draft.bands` and without the pits and
+dust of `gen.draft.imperfections`. `gen.draft.judge` compares surfaces with a map by the contact,
+and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
@@ -269,7 +270,11 @@ def _draft_population(order: _Order, like: LikeMaps) -> Draft:
     with atomic(population_file, replace=False) as file:
         file.write(like.population.text.encode())
     scene = write(output, text)
-    echo(f"wrote {population_file}: the spectrum in bands and the quantiles of heights")
+    imperfections = len(like.population.imperfections)
+    echo(
+        f"wrote {population_file}: the spectrum in bands, the quantiles of heights, and the"
+        f" imperfections of the maps, of which there are {imperfections or 'none'}"
+    )
     names = ", ".join(survey.path.name for survey in like.surveys)
     return Draft(
         scene=scene,

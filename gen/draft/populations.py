@@ -1,11 +1,12 @@
-"""Fit a population to maps: its spectrum and its distribution of heights.
+"""Fit a population to maps: its spectrum, its distribution of heights, and its imperfections.
 
-The surfaces are translation fields, see `gen.population`. Three things are fitted, in this order:
+Imperfections of the maps are separated first, see `gen.draft.imperfections`. What is left is the
+texture, to which a translation field is fitted, see `gen.population`, in this order:
 
-- The curve from normal scores to heights, from the maps' quantiles. It is smooth: a curve through
-  all heights of a map would add noise to the short waves.
-- The wanted spectrum of the surfaces. It is that of the maps in bands, with corrections until rms
-  height, rms slopes along both axes and rms curvature are those of the maps.
+- The curve from normal scores to heights, from the quantiles of the texture. It is smooth: a curve
+  through all heights would add noise to the short waves.
+- The wanted spectrum of the surfaces. It is that of the texture in bands, with corrections until
+  rms height, rms slopes along both axes and rms curvature are those of the texture.
 - The spectrum of the Gaussian field. The Hermite polynomials of the curve tell how it distorts the
   autocorrelation of the field [1]_, so that the spectrum of the surfaces is known without making
   one. In each round the field's spectrum is multiplied in each band by a power of the ratio of the
@@ -41,6 +42,7 @@ from gen.draft.bands import (
     periodogram,
     smoothed,
 )
+from gen.draft.imperfections import SeparatedMap, separate_imperfections
 from gen.draft.likeness import rounded
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
@@ -246,15 +248,18 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     """
     _require_fitting(maps)
     heights_of_maps = [fitted_map.topography.heights for fitted_map in maps]
-    units = [_standardised(heights) for heights in heights_of_maps]
     spacing = maps[0].topography.spacing
     rms_heights = [float(heights.std()) for heights in heights_of_maps]
     rms_height = float(np.median(rms_heights))
-    shape = max((unit.shape for unit in units), key=math.prod)
+    scaled = [
+        _scaled(separate_imperfections(heights, spacing), rms_height_of_map)
+        for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
+    ]
+    textures = [scaled_map.texture for scaled_map in scaled]
+    shape = max((texture.shape for texture in textures), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
-    wanted = _wanted_spectrum(units, grid)
-    independent = _independent_waves(wanted) * len(units)
-    curve = _HeightCurve.of(units).without_chance(independent)
+    wanted = _wanted_spectrum(textures, grid)
+    curve = _HeightCurve.of(textures)
     wanted = wanted.with_variance(curve.variance)
     field = _spectrum_of_field(wanted, curve)
     bands_x, bands_y = wanted.bands.middles
@@ -278,8 +283,21 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         logarithms=(_rows(field[0]), _rows(field[1])),
         scores=_rounded(curve.scores, 6),
         heights=_rounded(curve.heights * rms_height, 9),
+        imperfections=tuple(
+            _heights_in_rows(imperfection * rms_height)
+            for scaled_map in scaled
+            for imperfection in scaled_map.imperfections
+        ),
     )
-    of_maps = Roughness.of([unit * rms_height for unit in units], spacing)
+    of_maps = Roughness.of(
+        [
+            heights * (rms_height / rms_height_of_map)
+            for heights, rms_height_of_map in zip(
+                heights_of_maps, rms_heights, strict=True
+            )
+        ],
+        spacing,
+    )
     remarks = _what_gives_way(population, shape, of_maps)
     return replace(population, remarks=tuple(remarks))
 
@@ -315,10 +333,22 @@ def _shape(heights: Heights) -> tuple[int, int]:
     return nx, ny
 
 
-def _standardised(heights: Heights) -> Heights:
-    """Return heights about their mean, over their rms height [1]."""
-    centred = heights - heights.mean()
-    return np.asarray(centred / centred.std())
+def _scaled(separated: SeparatedMap, rms_height: float) -> SeparatedMap:
+    """Return a map over its rms height [um], with its texture about the mean of the texture [1]."""
+    texture = separated.texture - separated.texture.mean()
+    return SeparatedMap(
+        texture=texture / rms_height,
+        imperfections=tuple(
+            imperfection / rms_height for imperfection in separated.imperfections
+        ),
+    )
+
+
+def _heights_in_rows(heights: Heights) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of heights [um], to four significant digits of the largest."""
+    largest = float(np.abs(heights).max())
+    decimals = 3 - math.floor(math.log10(largest)) if largest > 0 else 0
+    return tuple(tuple(row) for row in np.round(heights, decimals).tolist())
 
 
 def _rounded(values: Values, digits: int) -> tuple[float, ...]:
@@ -345,15 +375,15 @@ def _shortest_wave(maps: Sequence[FittedMap]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _HeightCurve:
-    """The rising curve from normal scores to heights of unit rms."""
+    """The rising curve from normal scores to heights over the rms height of their map."""
 
     scores: Values  # rising normal scores, shape (knots,) [1]
     heights: Values  # heights at these scores, rising, shape (knots,) [1]
 
     @classmethod
-    def of(cls, units: Sequence[Heights]) -> _HeightCurve:
-        """Return the mean of the curves of maps with unit rms heights."""
-        curves = [_quantiles(unit) for unit in units]
+    def of(cls, textures: Sequence[Heights]) -> _HeightCurve:
+        """Return the mean of the curves of textures over the rms heights of their maps."""
+        curves = [_quantiles(texture) for texture in textures]
         furthest = min(curve.scores[-1] for curve in curves)
         scores = np.concatenate(([-furthest], curves[0].scores[1:-1], [furthest]))
         if len(curves) > 1:
@@ -369,27 +399,6 @@ class _HeightCurve:
         """Return the heights at normal scores [1]."""
         places, heights = tabulated_curve(tuple(self.scores), tuple(self.heights))
         return np.interp(scores, places, heights)
-
-    def without_chance(self, independent: float) -> _HeightCurve:
-        """Return the curve without the part of its bends that may be due to chance.
-
-        Bends are distances from the straight line of normally distributed heights. Heights of few
-        waves have such bends although the field of the waves is Gaussian. So the bends shrink by a
-        share: the mean square that quantiles of `independent` heights have by chance, over the
-        mean square of the bends (James and Stein).
-        """
-        from scipy.special import ndtr
-
-        scores = self.scores[1:-1]
-        below = ndtr(scores)
-        density = np.exp(-(scores**2) / 2) / math.sqrt(2 * math.pi)
-        variances = below * (1 - below) / (independent * density**2)
-        bends = self.heights[1:-1] - scores
-        mean_square = float(np.mean(bends**2 / variances))
-        share = max(0.0, 1.0 - 1.0 / max(mean_square, 1.0))
-        return _HeightCurve(
-            scores=self.scores, heights=self.scores + share * (self.heights - self.scores)
-        )
 
     @property
     def hermite_powers(self) -> Values:
@@ -422,11 +431,11 @@ class _HeightCurve:
         return float(self.hermite_powers.sum())
 
 
-def _quantiles(unit: Heights) -> _HeightCurve:
-    """Return the smooth curve of the heights of one map with unit rms height."""
+def _quantiles(texture: Heights) -> _HeightCurve:
+    """Return the smooth curve of the heights of one texture over the rms height of its map."""
     from scipy.special import ndtri
 
-    ordered = np.sort(unit, axis=None)
+    ordered = np.sort(texture, axis=None)
     scores = ndtri((np.arange(ordered.size) + 0.5) / ordered.size)
     span = min(SPAN, 0.9 * scores[-1])
     knots = np.linspace(-span, span, KNOTS)
@@ -444,7 +453,7 @@ def _quantiles(unit: Heights) -> _HeightCurve:
 
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """The wanted spectrum of the surfaces, whose heights have no unit."""
+    """The wanted spectrum of the surfaces, whose heights have no texture."""
 
     grid: WaveGrid
     bands: WaveBands
@@ -456,15 +465,15 @@ class _Wanted:
         return replace(self, logarithms=self.logarithms + math.log(variance / total))
 
 
-def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
-    """Return the spectrum of maps with unit rms heights, of unit variance.
+def _wanted_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _Wanted:
+    """Return the spectrum of textures of maps, of unit variance.
 
     Its form follows from the maps' periodograms. It is then corrected until rms slopes and rms
     curvature over the rms height are those of the maps, which are measured without a window.
     """
     bands = WaveBands.of(grid)
-    spectrum = _mean_spectrum(units, grid, bands)
-    roughness = Roughness.of(units, grid.spacing)
+    spectrum = _mean_spectrum(textures, grid, bands)
+    roughness = Roughness.of(textures, grid.spacing)
     correction = _Correction(
         grid=grid,
         bands=bands,
@@ -475,16 +484,6 @@ def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
     )
     wanted = _Wanted(grid=grid, bands=bands, logarithms=correction.corrected())
     return wanted.with_variance(1.0)
-
-
-def _independent_waves(wanted: _Wanted) -> float:
-    """Return the number of waves of equal power whose heights would scatter as much.
-
-    It is the square of the sum of all powers over the sum of their squares.
-    """
-    densities = wanted.bands.spread(wanted.grid, wanted.logarithms)
-    squares = wanted.grid.total(densities**2) / wanted.grid.area
-    return wanted.grid.total(densities) ** 2 / squares
 
 
 def _with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
@@ -500,14 +499,14 @@ def _with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
 
 
 def _mean_spectrum(
-    units: Sequence[Heights], grid: WaveGrid, bands: WaveBands
+    textures: Sequence[Heights], grid: WaveGrid, bands: WaveBands
 ) -> BandSpectrum:
     """Return the mean spectrum of maps in bands; a map has the weight of its waves in the band."""
     powers = np.zeros(bands.shape)
     waves = np.zeros(bands.shape)
-    for unit in units:
-        of_map = WaveGrid(shape=_shape(unit), spacing=grid.spacing)
-        spectrum = bands.means(of_map, periodogram(unit, of_map))
+    for texture in textures:
+        of_map = WaveGrid(shape=_shape(texture), spacing=grid.spacing)
+        spectrum = bands.means(of_map, periodogram(texture, of_map))
         powers += np.where(spectrum.waves > 0, spectrum.waves * spectrum.densities, 0.0)
         waves += spectrum.waves
     with np.errstate(invalid="ignore"):  # 0 / 0 in bands without waves

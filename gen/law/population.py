@@ -145,7 +145,7 @@ class Layout:
         Parameters
         ----------
         errors : mapping of str to float
-            Errors by the names of the answers in `bem.accuracy.ANSWERS` [1].
+            Errors by the names of the answers in `bem.answers.ANSWERS` [1].
         requested : tuple of str
             Kinds of the loads whose tables have these errors.
 
@@ -273,7 +273,7 @@ class Sampler:
             The problem with a datum, so that the cells of all grids cover the same patch.
         """
         return replace(
-            surface.posed(self.bodies.e_star),
+            surface.posed(self.bodies),
             hardness=self.bodies.hardness,
             rtol=self.tolerance,
             max_iterations=self.scene.contact.max_iterations,

@@ -705,6 +705,32 @@ class _Answer:
         return np.asarray(np.clip(end * self.scale, *self.learnt.bounds))
 
 
+def under_a_rigid_body(layered: LayeredBody) -> bem.Layered:
+    """Return a layered body for a prediction, and refuse a second elastic body.
+
+    Parameters
+    ----------
+    layered : LayeredBody
+        The layered body, and what is pressed on it.
+
+    Returns
+    -------
+    bem.Layered
+        The layered body.
+
+    Raises
+    ------
+    InputError
+        If the other body is elastic, too: scenes have a rigid one.
+    """
+    if layered.other is not None:
+        raise InputError(
+            "--young was given twice: the surrogate was trained on a rigid body that is pressed on"
+            " a layer; give that of what is below the layer"
+        )
+    return layered.alone
+
+
 def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
     """Return the lengths of a patch along x and y [um]; a single number is the length of both.
 

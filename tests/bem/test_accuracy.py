@@ -9,6 +9,7 @@ import pytest
 
 import bem
 from bem.accuracy import grids, on_coarser_map
+from bem.answers import ANSWERS
 from bem.coarsening import Coarsening
 from bem.problem import pose
 from bem.solving import solve_posed
@@ -165,6 +166,23 @@ def test_each_answer_has_an_error_of_its_own():
         )
     assert answers["force"].grid == 0
     assert contact.problem.rtol == pytest.approx(0.001)
+
+
+def test_the_part_of_the_solver_holds_what_its_tolerance_changes():
+    asked = dict.fromkeys(("area", "mean_gap", "stiffness", "delta"), 0.3)
+    inside = []
+    for boundary in BOUNDARIES:
+        heights = map_of_waves(96, boundary)
+        for pressure in (0.003, 0.03):
+            contact = bem.solve_within(
+                heights, 1.0, asked, pressure=pressure, boundary=boundary
+            )
+            exact = solve_posed(replace(contact.problem, rtol=1e-12))
+            for name, parts in contact.budget.errors.items():
+                value = ANSWERS[name].value
+                error = abs(value(contact) / value(exact) - 1)
+                inside.append(error <= parts.solver + 1e-12)
+    assert np.mean(inside) >= 0.9  # of 24, of which 95 % are promised
 
 
 def test_the_budget_says_what_was_tried():

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from statistics import median
 
 import numpy as np
 import pytest
@@ -180,9 +181,9 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
     rows = times.time_to_area(waves=[4], surfaces=1, largest=64)
     stub = [row for row in rows if row["way"] == "Tamaas"]
     grids = [row for row in stub if row["row"] == "grid"]
-    assert [row["nodes"] for row in grids] == [32, 48, 64]
+    assert [row["nodes"] for row in grids] == [32, 40, 48, 56, 64]
     errors = [row["area_error_percent"] for row in grids]
-    assert errors == sorted(errors, reverse=True)
+    assert errors[0] == max(errors)
     # 10 times the tolerance is at most a tenth of the error, and the next looser one is not.
     assert all(
         0.1 < row["tolerance"] / (row["area_error_percent"] / 1e4) < 10 for row in grids
@@ -190,7 +191,8 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
     needed = {row["within_percent"]: row for row in stub if row["row"] in times.NEEDED}
     assert sorted(needed) == pytest.approx([0.3, 1, 3])
     assert needed[1.0]["row"] == "extrapolated"
-    assert needed[1.0]["nodes"] == math.ceil(64 * errors[-1])
+    by_nodes = median(row["nodes"] * row["area_error_percent"] for row in grids[-4:])
+    assert needed[1.0]["nodes"] == math.ceil(by_nodes)
     ours = [row for row in rows if row["way"] == times.OURS]
     assert [row["row"] for row in ours] == ["grid"] * (len(ours) - 1) + ["default"]
     assert all(abs(row["area_error_percent"]) < 3 for row in ours)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 from databases import database_of
 from learnt_rows import read
@@ -324,9 +325,17 @@ def test_databases_of_layers_are_learnt_together_if_their_kinds_are_alike(folder
         dataset.read(unlike)
 
 
-def test_a_law_of_a_surrogate_of_layers_is_refused(folder, question, capsys):
-    assert learn_cli.main(["law", str(folder / "fixed.surrogate"), *question]) == 2
-    assert "laws are those of half-spaces" in capsys.readouterr().err
+def test_laws_are_those_of_a_given_layer(drawn, folder, question, heights, tmp_path):
+    table = tmp_path / "law.csv"
+    layer = ["--layer-thickness", "5", "--layer-young", "50", "--layer-poisson", "0.25"]
+    below = ["--young", "200", "--poisson", "0.3"]
+    words = [*question[:3], "--pressure", "2,5,8", *layer, *below]
+    line = ["law", str(folder / "drawn.surrogate"), *words, "--csv", str(table)]
+    assert learn_cli.main(line) == 0
+    law = pd.read_csv(table)
+    areas = law[law["against"] == "pressure_MPa"]["area_percent"].to_numpy()
+    predicted = drawn.predict(heights, SIDE, pressure=[2.0, 5.0, 8.0], body=BODY)
+    np.testing.assert_allclose(areas[-3:], predicted.area, rtol=1e-6)
 
 
 def without_layers(monkeypatch):
