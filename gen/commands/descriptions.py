@@ -1,4 +1,4 @@
-"""The reports of `gen describe`: one map in full, or several maps with a row for each."""
+"""The reports of `gen describe`: one map in full, a row for each of several, or joined scans."""
 
 from __future__ import annotations
 
@@ -414,3 +414,49 @@ def describe_several(
             units=units,
             left_out=collected.left_out,
         )
+
+
+def describe_joined(
+    order: DescriptionOrder, inputs: Sequence[Path], files: DescriptionFiles
+) -> None:
+    """Join the spectra of scans of one surface, print their ranges and the law, and write files.
+
+    The preparation of each scan and all warnings are printed on standard error.
+
+    Parameters
+    ----------
+    order : DescriptionOrder
+        How the scans are read and prepared.
+    inputs : sequence of Path
+        Files and folders of scans.
+    files : DescriptionFiles
+        Files to write: the spectrum and the picture.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two scans, a scan cannot be used, or a file cannot be written.
+    """
+    from gen.commands import printer
+    from gen.maps import joining, pictures, several
+    from gen.maps.bodies import read_surface
+
+    figure = figure_for(files.picture, width=8.0, height=6.0)
+    paths = several.files_of(inputs)
+    if len(paths) < 2:
+        raise InputError(
+            f"--join {' '.join(map(str, paths))}: give two or more scans of one surface"
+        )
+    topographies = []
+    for path in paths:
+        topography, warnings = read_surface(path, order.reading, order.boundary)
+        printer.print_preparation_in_line(topography, warnings)
+        topographies.append(topography)
+    joined = joining.join(topographies)
+    for warning in joined.warnings:
+        echo(f"warning: {warning}", err=True)
+    printer.print_joined(joined)
+    if files.spectrum is not None:
+        write_csv(files.spectrum, joined.rows())
+    if files.picture is not None:
+        pictures.plot_joined(figure, joined, files.picture)

@@ -31,6 +31,7 @@ def describe(
     facing: options.Against,
     boundary: options.Boundary = "free",
     depth: options.Depth = None,
+    join: options.Join = False,
     table: options.Table = None,
     json: options.Json = None,
     spectrum: options.SpectrumTable = None,
@@ -40,10 +41,14 @@ def describe(
 
     For several files or folders a row is printed for each map, then the mean and the standard
     deviation. A map that cannot be read is named and left out.
+
+    With --join several scans of one surface at different magnifications give one spectrum: the
+    waves that each scan knows are printed, and the self-affine law of all.
     """
     from gen.commands.descriptions import (
         DescriptionFiles,
         DescriptionOrder,
+        describe_joined,
         describe_one,
         describe_several,
     )
@@ -63,7 +68,10 @@ def describe(
         opposite=facing.second_body(reading),
         depth=depth,
     )
-    if several.are_several(surfaces):
+    if join:
+        options.refuse(context, options.NOT_WITH_JOIN, "--join")
+        describe_joined(order, surfaces, files)
+    elif several.are_several(surfaces):
         describe_several(order, surfaces, files)
     else:
         describe_one(order, surfaces[0], files)

@@ -442,6 +442,7 @@ def _contacts_for_other_table(
     takes the place of the mean. Loads that are not solved are left out, perhaps all. Raises
     InputError if all pressures reach the hardness.
     """
+    order = solver.order
     if len(solver.surfaces) == 1:
         return _same_contacts(other.points[0], load)
     of_surfaces = np.stack([part.values[ARGUMENTS[load]] for part in other.points])
@@ -451,8 +452,10 @@ def _contacts_for_other_table(
         means = _below_hardness(means, solver.bodies)
         return solver.solve_some("pressure", means, like=other.points)
     contacts = solver.solve_some("delta", means, like=other.points)
-    goes_on = compliance_in_law(solver.order, solver.bodies) > 0 and contacts.loads.size
-    if goes_on or not contacts.begins_in_full_contact:
+    if not contacts.begins_in_full_contact:
+        return contacts
+    goes_through_full_contact = compliance_in_law(order, solver.bodies) > 0
+    if goes_through_full_contact and contacts.loads.size:
         return contacts
     # No mean displacement was solved, or the surfaces are so unlike that the first mean presses one
     # of them flat: take the smallest displacements.

@@ -19,6 +19,9 @@ from gen.options import NOT_WITH_LAYER
 from gen.quantities import CLOSURE, PRESSURE, STIFFNESS
 from gen.runtime.errors import InputError
 
+NO_ERRORS = "laws within an error are those of half-spaces"
+"""Reason why laws of layered bodies have no errors that are asked for."""
+
 
 def compliance_in_law(order: Order, bodies: Bodies) -> float:
     """Return the compliance of the layer that the closure of a law contains.
@@ -140,11 +143,9 @@ def check_layer(order: Order, bodies: Bodies) -> None:
                 " [contact.layer]"
             )
         return
-    requested = {
-        "conductivity": order.conductivities,
-        "friction": order.friction,
-        "error": order.errors,
-    }
+    if order.errors is not None:
+        raise InputError(f"--error: leave it out with a layer: {NO_ERRORS}")
+    requested = {"conductivity": order.conductivities, "friction": order.friction}
     for name, value in requested.items():
         if value is not None:
             raise InputError(
