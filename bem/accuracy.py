@@ -245,7 +245,10 @@ class Surface:
         # With a datum, even of 0, the cells of all grids cover the same patch (`coarser`).
         self._unloaded = replace(pose(heights, side, 0.0, **settings), datum=0.0)
         self._coarsening = Coarsening(
-            self._unloaded.heights, self._unloaded.boundary, self._unloaded.aspect
+            self._unloaded.heights,
+            self._unloaded.boundary,
+            self._unloaded.aspect,
+            self._unloaded.reduced_body,
         )
 
     def solve_within(
@@ -284,7 +287,9 @@ class Surface:
             As the function `solve_within` raises them.
         """
         errors = checked_errors(error)
-        unloaded = replace(self._unloaded, rtol=checked("rtol", tolerance_for(errors)))
+        tolerance = tolerance_for(errors) / self._unloaded.settlement_ratio
+        tolerance = max(tolerance, min(RTOL, tolerance_for(errors)))
+        unloaded = replace(self._unloaded, rtol=checked("rtol", tolerance))
         problem = under_load(unloaded, delta, force=force, pressure=pressure)
         with on_threads(None if threads is None else checked("threads", threads)):
             return _Search(problem, self._coarsening, errors).solve()
@@ -333,10 +338,6 @@ def _refuse_settings(settings: Mapping[str, Any]) -> None:
         raise ValueError(
             f"kernel = {shown(settings['kernel'])}: with an error use 'uniform-pressure', because"
             " the other one belongs to its grid"
-        )
-    if settings.get("body") is not None:
-        raise ValueError(
-            "body is given: with an error the body is a half-space, by modulus and poisson"
         )
     if settings.get("far_field", "rigid") != "rigid":
         raise ValueError(
@@ -388,7 +389,7 @@ class _Search:
         """
         if not self._is_loaded:  # nothing touches, which is exact on any grid
             return solve_posed(self.map_problem).with_budget(self.budget)
-        self._refuse_endless_waves()
+        self._refuse_unjudged_map()
         for nodes in grids(self.map_problem.heights.shape, SEARCH_STEP):
             if not self._is_worth_trying(nodes):
                 continue
@@ -398,10 +399,7 @@ class _Search:
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked_errors.values()):
                 continue
             problem = on_coarser_map(self.map_problem, coarser_map)
-            # No bar could hold. The given map has passed this test above.
-            if nodes != self.map_problem.heights.shape and self._has_endless_waves(
-                problem
-            ):
+            if not self._may_hold(problem):
                 continue
             contact = self._try_grid(problem, dropped)
             if contact is not None and self.trials[-1].meets_errors:
@@ -459,22 +457,37 @@ class _Search:
         load = problem.force / area / problem.modulus / slope
         return math.pow(max(load, LIGHTEST) / EXPECTED_LOAD, BY_LOAD)
 
-    def _refuse_endless_waves(self) -> None:
-        """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
+    def _refuse_unjudged_map(self) -> None:
+        """Refuse a map on whose own grid no bar holds, whatever its contact is.
 
         Raises
         ------
         NotReachable
-            If elastic bodies have no area in the continuum.
+            If elastic bodies have no area in the continuum, because roughness continues down to
+            the grid; or if the cells are too large to resolve a layer.
         """
-        if not self._has_endless_waves(self.map_problem):
+        if self._has_endless_waves(self.map_problem):
+            reason = (
+                "waves go on down to the grid of the given map, so that no bar holds: give a map"
+                " whose shortest wave has 8 nodes or more"
+            )
+        elif not self.map_problem.is_deeper_than_cells:
+            reason = (
+                "a cell of the given map is no smaller than the layer, so that no bar holds: give"
+                " a map with more nodes"
+            )
+        else:
             return
         raise NotReachable(
-            f"{_in_words(self.asked_errors)} not reachable on any grid: waves go on down"
-            " to the grid of the given map, so that no bar holds: give a map whose shortest wave"
-            " has 8 nodes or more",
+            f"{_in_words(self.asked_errors)} not reachable on any grid: {reason}",
             self.budget,
         )
+
+    def _may_hold(self, problem: Problem) -> bool:
+        """Return whether bars may hold on the grid of a problem; the given map has been tested."""
+        if problem.heights.shape == self.map_problem.heights.shape:
+            return True
+        return problem.is_deeper_than_cells and not self._has_endless_waves(problem)
 
     def _has_endless_waves(self, problem: Problem) -> bool:
         """Return whether waves continue down to a grid, so that the area has no limit.
@@ -578,10 +591,11 @@ class _Search:
             rows, columns = problem.heights.shape
             near = coarse.pressure.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
         contact = solve_posed(problem, near)
-        if contact.delta == 0:  # a flat surface
+        unit = abs(contact.delta - problem.mean_displacement)  # of the tolerance [um]
+        if unit == 0:  # a flat surface
             return contact
         gap = max(contact.mean_gap, 0.0)
-        largest = OF_GAP * min(self.asked_errors.values()) * gap / abs(contact.delta)
+        largest = OF_GAP * min(self.asked_errors.values()) * gap / unit
         tolerance = max(largest, min(RTOL, problem.rtol))
         if problem.rtol <= tolerance:
             return contact

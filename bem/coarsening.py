@@ -5,6 +5,12 @@ is interpolated there by its own waves: by Fourier's on a periodic patch, by cos
 one. On a free patch it is interpolated by polynomials of the fifth degree. Where a larger cell has
 an odd number of the map's cells along both axes, its centre is a node of the map, whose height it
 has.
+
+How much a lost wave matters follows from the pressure that flattens it. On a half-space this
+pressure is proportional to the slope of the wave. On other bodies, the squares of slopes are
+weighted by the square of the body's stiffness over that of a half-space (Persson 2012, J. Phys.:
+Condens. Matter 24, 095008). A hard coating bends under long waves at little pressure, so that short
+waves matter more. A soft layer on a hard base resists long waves most, so that they matter less.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -17,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Values
+from bem.bodies import HALF_SPACE, Body
 from bem.derived.grid_error import FEWEST, order_of_slopes, slope_order_of_lines
 from bem.problem import Boundary
 from bem.threads import computed_once
@@ -49,7 +56,7 @@ class CoarserMap:
     heights : ndarray, shape (mx, my)
         Heights, read-only [um].
     dropped : float
-        Share of the given map's mean square slope that this map lacks [1].
+        Share of the given map's mean square slope that this map lacks, weighted by the body [1].
     """
 
     heights: Field
@@ -87,12 +94,18 @@ class Coarsening:
         "free", "periodic" or "mirror", see `bem.solve`.
     aspect : float
         Second side of a cell over its first [1].
+    body : Body
+        Elastic body in units of the first side of a cell and of its modulus E*, by default a
+        half-space.
     """
 
-    def __init__(self, heights: Field, boundary: Boundary, aspect: float) -> None:
+    def __init__(
+        self, heights: Field, boundary: Boundary, aspect: float, body: Body = HALF_SPACE
+    ) -> None:
         self.heights = heights
         self.boundary = boundary
         self.aspect = aspect
+        self.body = body
         self._map_by_nodes: dict[tuple[int, int], CoarserMap] = {}
 
     def on(self, nodes: tuple[int, int]) -> CoarserMap:
@@ -119,6 +132,7 @@ class Coarsening:
                     self._reduced_lines,
                     self.aspect,
                 )
+                dropped = min(dropped * self._weight_of_lost_waves(nodes), 1.0)
             else:
                 heights, dropped = self._waves.cut(nodes)
                 heights *= self._unit
@@ -228,11 +242,27 @@ class Coarsening:
 
     @computed_once
     def _waves(self) -> _Waves:
-        """The waves of a patch without edges in units of `_unit`, by one transform."""
-        is_periodic = self.boundary == "periodic"
+        """The waves of the map in units of `_unit`, by one transform; cosines on a free patch."""
         return _Waves.of(
-            self.heights, self.aspect, is_periodic=is_periodic, unit=self._unit
+            self.heights,
+            self.aspect,
+            self.body,
+            is_periodic=self.boundary == "periodic",
+            unit=self._unit,
         )
+
+    def _weight_of_lost_waves(self, nodes: tuple[int, int]) -> float:
+        """Return the mean weight of the waves that a free map loses over that of all waves [1].
+
+        It is 1 on half-spaces. On other bodies it is computed for the cosines of the map. They have
+        kinks at the borders, but these hardly change a ratio of weights.
+        """
+        if self.body.is_homogeneous:
+            return 1.0
+        unweighted = replace(self._waves, weights=None).dropped(nodes)
+        if unweighted == 0:
+            return 1.0
+        return self._waves.dropped(nodes) / unweighted
 
 
 class _SlopesOfLines:
@@ -379,6 +409,9 @@ class _Waves:
         Upper bound of the mean square slope of the waves that are left out, in the same unit.
     is_periodic : bool
         Whether the patch is periodic.
+    weights : ndarray, shape (nx, ky), or None
+        Weights by which the body multiplies the mean square slopes of the waves; None for
+        half-spaces, where they are 1 [1].
     """
 
     amplitudes: NDArray[Any]  # complex or real
@@ -390,15 +423,16 @@ class _Waves:
     steepness_across: Values
     left_out: float
     is_periodic: bool
+    weights: Field | None
 
     @classmethod
     def of(
-        cls, heights: Field, aspect: float, *, is_periodic: bool, unit: float
+        cls, heights: Field, aspect: float, body: Body, *, is_periodic: bool, unit: float
     ) -> _Waves:
         """Transform the heights of a patch, (nx, ny), less their mean and in a unit.
 
-        `aspect` is the second side of a cell over its first. The nodes of a mirrored patch are the
-        centres of its cells.
+        `aspect` is the second side of a cell over its first, which is the body's unit of length.
+        The nodes of a mirrored patch are the centres of its cells.
         """
         from scipy import fft  # here, because few contacts need it
 
@@ -425,6 +459,12 @@ class _Waves:
         # least steep wave.
         least = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
         kept = int(np.argmax(left_out <= NEGLIGIBLE * least))
+        weights = None
+        if not body.is_homogeneous:
+            kept = across.size  # the body may give large weights to waves of little slope
+            half_waves = 2 if is_periodic else 1
+            numbers = np.sqrt(np.add.outer(steepness_along, steepness_across))
+            weights = _weights(half_waves * math.pi * numbers, body)
         if kept > of_rows.amplitudes.shape[1]:
             of_rows = _Rows.of(heights, kept, is_periodic=is_periodic, unit=unit)
         transform: Any = fft.fft if is_periodic else fft.dct
@@ -439,6 +479,7 @@ class _Waves:
             steepness_across=steepness_across[:kept],
             left_out=float(left_out[kept]),
             is_periodic=is_periodic,
+            weights=weights,
         )
 
     def slopes(self, aspect: float) -> tuple[_SlopesOfWaves, _SlopesOfWaves]:
@@ -473,17 +514,12 @@ class _Waves:
         heights : ndarray, shape (mx, my)
             Heights on the coarser grid, of zero mean [unit of heights].
         dropped : float
-            Share of the mean square slope of the waves that are cut [1].
+            Share of the weighted mean square slope of the waves that are cut [1].
         """
         from scipy import fft  # here, because few contacts need it
 
-        half_waves = 2 if self.is_periodic else 1
-        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
-        columns = np.flatnonzero(half_waves * self.across < nodes[1])
+        rows, columns = self._numbers_on(nodes)
         kept = self.amplitudes[np.ix_(rows, columns)]
-        share = 1.0
-        if self._mean_square_slope > 0:
-            share = self._slope_of(kept, rows, columns) / self._mean_square_slope
         spectrum = (nodes[0], nodes[1] // 2 + 1) if self.is_periodic else nodes
         amplitudes = np.zeros(spectrum, dtype=self.amplitudes.dtype)
         amplitudes[np.ix_(self.along[rows], self.across[columns])] = kept
@@ -492,11 +528,33 @@ class _Waves:
             heights = fft.irfft2(amplitudes, s=nodes, norm="forward")
         else:
             heights = fft.idctn(amplitudes, norm="forward")
-        return np.ascontiguousarray(heights), max(1.0 - share, 0.0)
+        return np.ascontiguousarray(heights), self._dropped(kept, rows, columns)
+
+    def dropped(self, nodes: tuple[int, int]) -> float:
+        """Return the share of the weighted mean square slope that fewer nodes, (mx, my), lack."""
+        rows, columns = self._numbers_on(nodes)
+        return self._dropped(self.amplitudes[np.ix_(rows, columns)], rows, columns)
+
+    def _dropped(self, kept: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
+        """Return the share of the weighted mean square slope that is not in kept waves.
+
+        `kept` are the amplitudes of the given rows and columns of all amplitudes.
+        """
+        if self._mean_square_slope == 0:
+            return 0.0
+        share = self._slope_of(kept, rows, columns) / self._mean_square_slope
+        return max(1.0 - share, 0.0)
+
+    def _numbers_on(self, nodes: tuple[int, int]) -> tuple[Nodes, Nodes]:
+        """Return the indices along both axes of the waves that fewer nodes can have."""
+        half_waves = 2 if self.is_periodic else 1
+        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
+        columns = np.flatnonzero(half_waves * self.across < nodes[1])
+        return rows, columns
 
     @computed_once
     def _mean_square_slope(self) -> float:
-        """Mean square slope of all waves, in the unit of `steepness_along`."""
+        """Weighted mean square slope of all waves, in the unit of `steepness_along`."""
         rows, columns = self.amplitudes.shape
         kept = self._slope_of(self.amplitudes, np.arange(rows), np.arange(columns))
         return kept + self.left_out
@@ -509,11 +567,13 @@ class _Waves:
         return squares
 
     def _slope_of(self, amplitudes: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
-        """Return the mean square slope of waves in the unit of `steepness_along`.
+        """Return the weighted mean square slope of waves in the unit of `steepness_along`.
 
         `amplitudes` are those of the given rows and columns of all amplitudes.
         """
         squares = self._squares(amplitudes)
+        if self.weights is not None:
+            squares *= self.weights[np.ix_(rows, columns)]
         times_along = self.times_along[rows]
         times_across = self.times_across[columns]
         steepness_across = times_across * self.steepness_across[columns]
@@ -521,6 +581,17 @@ class _Waves:
         part_along = (times_along * self.steepness_along[rows]) @ sums[:, 0]
         part_across = times_along @ sums[:, 1]
         return float(part_along + part_across)
+
+
+def _weights(wave_numbers: Field, body: Body) -> Field:
+    """Return squares of a body's stiffness over a half-space's, shape of wave_numbers [1].
+
+    The mean has no slope, and the weight 0.
+    """
+    weights = np.zeros_like(wave_numbers)
+    is_wave = wave_numbers > 0
+    weights[is_wave] = 1 / np.square(body.relative_compliance(wave_numbers[is_wave]))
+    return weights
 
 
 def _steepest_from(

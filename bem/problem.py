@@ -42,10 +42,6 @@ DEEPEST = 1e10
 # displacement of 0 is allowed.
 FLATTEST = 1e-300
 
-# Largest difference of a body's relative compliance from 1, for the shortest waves of the grid,
-# with which the material at the surface alone decides the pressure at the border of contact [1].
-OF_SURFACE = 0.1
-
 # Number of wave numbers, from the longest to the shortest wave, whose compliance is checked.
 WAVES = 9
 
@@ -175,13 +171,24 @@ class Problem:
 
     @property
     def is_deeper_than_cells(self) -> bool:
-        """Whether the material at the surface decides the compliance of the grid's shortest waves.
+        """Whether the surface's material decides the compliance of the grid's shortest waves."""
+        return self.body.is_deeper_than_cells(self.spacing)
 
-        The limit is `OF_SURFACE`.
+    @property
+    def settlement_ratio(self) -> float:
+        """Settlement under the whole patch over that of the surface's material alone, at least 1.
+
+        Below a hard layer on a soft base a free patch settles by much more than its roughness.
+        Tolerances are relative to Delta, which includes the settlement, so that loose ones have to
+        be divided by this ratio. It is 1 on half-spaces and on patches without edges.
         """
-        shortest = np.array([math.pi / max(self.spacing)])
-        relative = np.ravel(self.body.relative_compliance(shortest))
-        return abs(float(relative[0]) - 1) < OF_SURFACE
+        if self.boundary != "free" or self.body.is_homogeneous:
+            return 1.0
+        rows, columns = self.heights.shape
+        side = max(rows * self.spacing[0], columns * self.spacing[1])
+        # A wave of pressure of this number displaces as much as a uniform pressure on the patch.
+        relative = np.ravel(self.body.relative_compliance(np.array([2 / side])))
+        return max(float(relative[0]), 1.0)
 
     @property
     def mean_displacement(self) -> float:

@@ -466,7 +466,6 @@ NOT_WITH_LAYER = {
     "conductivity": Refusal(
         None, "the conductance follows from the stiffness on half-spaces only"
     ),
-    "error": Refusal("", "answers within an error are those of half-spaces"),
     "friction": Refusal(
         None, "partial slip follows from normal contacts on half-spaces only"
     ),
