@@ -3,7 +3,9 @@
 The time of a contact grows with the square of its nodes a side, and an area to one per cent rarely
 needs all nodes of a map. `solve_within` therefore solves the same surface on fewer nodes. It begins
 with the fewest nodes for which the bars of `Contact.grid_error` are expected to be as short as
-asked, and refines until they are.
+asked, and refines until they are. Half of the nodes of a grid are solved first, which the bars need
+anyway: they tell the length of the border of contact, which makes most of the bar of an area, and
+give a start for the grid itself.
 
 A contact on fewer nodes stands for that of the given map in three ways:
 
@@ -21,15 +23,16 @@ A contact on fewer nodes stands for that of the given map in three ways:
 from __future__ import annotations  # short signatures in help()
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from bem.answers import ANSWERS, Answer
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
-from bem.coarsening import Coarsening, CoarserMap, sampled_lines
+from bem.coarsening import Coarsening, CoarserMap
 from bem.contact import Contact
 from bem.derived.coarser import coarser
 from bem.derived.grid_error import (
@@ -37,7 +40,6 @@ from bem.derived.grid_error import (
     LEAST_ORDER,
     GridError,
     part_of_border,
-    slope_order_of_lines,
 )
 from bem.problem import (
     RTOL,
@@ -49,7 +51,7 @@ from bem.problem import (
     under_load,
 )
 from bem.solving import solve_posed
-from bem.threads import on_threads
+from bem.threads import computed_once, on_threads
 
 # Factor from a bar of 90 % to one of 95 % [1]. `python -m bench accuracy` counts the errors that
 # are inside.
@@ -81,29 +83,45 @@ FEWEST_TRIED = 4 * FEWEST
 # Ratio of the nodes a side of two grids that follow each other [1].
 STEP = math.sqrt(2)
 
-# The next five numbers only tell which grids are tried. They are those with which searches on
-# spectral surfaces cost least; `python -m bench accuracy` measures this cost.
+# The next numbers only tell which grids are tried. They are those with which searches on spectral
+# surfaces cost least; `python -m bench accuracy` measures this cost.
 
-# Bar at 95 % of the area that is expected on the first grid, over the area and over the share of
-# the mean square slope that twice the spacing loses (`Coarsening.lost_slope`) [1].
-EXPECTED_BAR = 0.07
+# Ratio of the nodes a side of two grids of a search that follow each other [1].
+SEARCH_STEP = math.sqrt(STEP)
+
+# Bar at 95 % of the area that is expected on the first grid: its ratio to the area is a factor
+# times a power of the share of the mean square slope that twice the spacing loses
+# (`Coarsening.lost_slope`) [1].
+EXPECTED_BAR = 0.12
+EXPECTED_POWER = 0.8
 
 # Factor of this bar on free patches [1].
-ON_FREE_PATCH = 2.5
+ON_FREE_PATCH = 2.0
 
-# Largest lost share with which bars are expected to hold [1]. Waves of 8 nodes lose this share.
-MOST_LOST = 0.15
+# Mean pressure to which this bar belongs, if the load is known, and the power of the pressure with
+# which it falls [E* times the rms slope, 1].
+EXPECTED_LOAD = 0.05
+BY_LOAD = -0.35
+
+# Least mean pressure for which this law is used [E* times the rms slope].
+LIGHTEST = 0.005
+
+# Largest lost share with which bars are expected to hold [1]. Waves of 9 nodes lose this share.
+MOST_LOST = 0.11
 
 # Power of the lost share by which bars fall from grid to grid [1].
-BY_LOST_SLOPE = 0.6
+BY_LOST_SLOPE = 0.7
+
+# Largest expected error over the error asked for with which a grid is tried after another [1].
+EXPECTED_MARGIN = 0.9
 
 # Least ratio of a grid's nodes a side to those of the last trial with which it is tried whatever is
 # expected of it [1].
 FURTHEST = 2.0
 
-# Edges of cells at the border of contact over nodes in contact, over the same ratio on half of the
-# nodes a side [1]. It is 0.50 to 0.58 on rough surfaces.
-OF_BORDER_ON_HALF = 0.52
+# Error that is expected on a grid, over the part for the place of the border on half of its nodes
+# a side [1]. This part alone becomes 0.51 to 0.6 times as large on rough surfaces.
+OF_BORDER_ON_HALF = 0.7
 
 # Error that is expected on the given map, over the error asked for, above which the map is not
 # tried after a coarser grid [1]. Bars are hardly ever shorter than expected by more than this.
@@ -111,34 +129,6 @@ HOPELESS = 6.0
 
 # Errors that may be asked for. A tenth of the least one is a tolerance that the solver takes.
 ERRORS = Range(1e-14, 1, "above 1e-14 and below 1: 0.01 is one per cent")
-
-
-@dataclass(frozen=True)
-class Answer:
-    """An answer of a contact that can be asked for with an error.
-
-    Attributes
-    ----------
-    value : callable
-        Function that returns the answer of a contact.
-    bar : callable
-        Function that returns the half-width of its 90 % bar, in the same unit.
-    """
-
-    value: Callable[[Contact], float]
-    bar: Callable[[GridError], float]
-
-
-ANSWERS = {
-    "area": Answer(
-        lambda contact: contact.continuum_area_percent, lambda error: error.area_percent
-    ),
-    "mean_gap": Answer(lambda contact: contact.mean_gap, lambda error: error.mean_gap),
-    "stiffness": Answer(lambda contact: contact.stiffness, lambda error: error.stiffness),
-    "delta": Answer(lambda contact: contact.delta, lambda error: error.delta),
-    "force": Answer(lambda contact: contact.force, lambda error: error.force),
-}
-"""Answers that can be asked for, by their names."""
 
 
 class NotReachable(ArithmeticError):
@@ -257,7 +247,10 @@ class Surface:
         # With a datum, even of 0, the cells of all grids cover the same patch (`coarser`).
         self._unloaded = replace(pose(heights, side, 0.0, **settings), datum=0.0)
         self._coarsening = Coarsening(
-            self._unloaded.heights, self._unloaded.boundary, self._unloaded.aspect
+            self._unloaded.heights,
+            self._unloaded.boundary,
+            self._unloaded.aspect,
+            self._unloaded.reduced_body,
         )
 
     def solve_within(
@@ -296,8 +289,10 @@ class Surface:
             As the function `solve_within` raises them.
         """
         errors = checked_errors(error)
-        problem = under_load(self._unloaded, delta, force=force, pressure=pressure)
-        problem = replace(problem, rtol=checked("rtol", tolerance_for(errors)))
+        tolerance = tolerance_for(errors) / self._unloaded.settlement_ratio
+        tolerance = max(tolerance, min(RTOL, tolerance_for(errors)))
+        unloaded = replace(self._unloaded, rtol=checked("rtol", tolerance))
+        problem = under_load(unloaded, delta, force=force, pressure=pressure)
         with on_threads(None if threads is None else checked("threads", threads)):
             return _Search(problem, self._coarsening, errors).solve()
 
@@ -345,10 +340,6 @@ def _refuse_settings(settings: Mapping[str, Any]) -> None:
         raise ValueError(
             f"kernel = {shown(settings['kernel'])}: with an error use 'uniform-pressure', because"
             " the other one belongs to its grid"
-        )
-    if settings.get("body") is not None:
-        raise ValueError(
-            "body is given: with an error the body is a half-space, by modulus and poisson"
         )
     if settings.get("far_field", "rigid") != "rigid":
         raise ValueError(
@@ -400,8 +391,8 @@ class _Search:
         """
         if not self._is_loaded:  # nothing touches, which is exact on any grid
             return solve_posed(self.map_problem).with_budget(self.budget)
-        self._refuse_endless_waves()
-        for nodes in grids(self.map_problem.heights.shape):
+        self._refuse_unjudged_map()
+        for nodes in grids(self.map_problem.heights.shape, SEARCH_STEP):
             if not self._is_worth_trying(nodes):
                 continue
             coarser_map = self.coarsening.on(nodes)
@@ -410,10 +401,7 @@ class _Search:
             if OF_DROPPED * dropped > MOST_FOR_WAVES * min(self.asked_errors.values()):
                 continue
             problem = on_coarser_map(self.map_problem, coarser_map)
-            # No bar could hold. The given map has passed this test above.
-            if nodes != self.map_problem.heights.shape and self._has_endless_waves(
-                problem
-            ):
+            if not self._may_hold(problem):
                 continue
             contact = self._try_grid(problem, dropped)
             if contact is not None and self.trials[-1].meets_errors:
@@ -447,7 +435,7 @@ class _Search:
         expected_ratio = self.last_ratio * math.pow(lost, BY_LOST_SLOPE)
         if is_map:
             return expected_ratio <= HOPELESS
-        return is_far or expected_ratio <= 1
+        return is_far or expected_ratio <= EXPECTED_MARGIN
 
     def _expected_bar(self, nodes: tuple[int, ...]) -> float:
         """Return the relative bar of the area that is expected on a grid by the map's slopes [1].
@@ -457,26 +445,51 @@ class _Search:
         lost = self.coarsening.lost_slope(nodes)
         if lost > MOST_LOST:
             return math.inf
-        if self.map_problem.boundary == "free":
-            return ON_FREE_PATCH * EXPECTED_BAR * lost
-        return EXPECTED_BAR * lost
+        bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER) * self._factor_of_load
+        return ON_FREE_PATCH * bar if self.map_problem.boundary == "free" else bar
 
-    def _refuse_endless_waves(self) -> None:
-        """Refuse a map whose roughness continues down to its grid, unless its bodies yield.
+    @computed_once
+    def _factor_of_load(self) -> float:
+        """Factor of the expected bar for the load, 1 if the displacement is given [1]."""
+        problem = self.map_problem
+        slope = self.coarsening.rms_slope / problem.spacing[0]
+        if not problem.force or not slope > 0:
+            return 1.0
+        area = problem.heights.size * problem.spacing[0] * problem.spacing[1]
+        load = problem.force / area / problem.modulus / slope
+        return math.pow(max(load, LIGHTEST) / EXPECTED_LOAD, BY_LOAD)
+
+    def _refuse_unjudged_map(self) -> None:
+        """Refuse a map on whose own grid no bar holds, whatever its contact is.
 
         Raises
         ------
         NotReachable
-            If elastic bodies have no area in the continuum.
+            If elastic bodies have no area in the continuum, because roughness continues down to
+            the grid; or if the cells are too large to resolve a layer.
         """
-        if not self._has_endless_waves(self.map_problem):
+        if self._has_endless_waves(self.map_problem):
+            reason = (
+                "waves go on down to the grid of the given map, so that no bar holds: give a map"
+                " whose shortest wave has 8 nodes or more"
+            )
+        elif not self.map_problem.is_deeper_than_cells:
+            reason = (
+                "a cell of the given map is no smaller than the layer, so that no bar holds: give"
+                " a map with more nodes"
+            )
+        else:
             return
         raise NotReachable(
-            f"{_in_words(self.asked_errors)} not reachable on any grid: waves go on down"
-            " to the grid of the given map, so that no bar holds: give a map whose shortest wave"
-            " has 8 nodes or more",
+            f"{_in_words(self.asked_errors)} not reachable on any grid: {reason}",
             self.budget,
         )
+
+    def _may_hold(self, problem: Problem) -> bool:
+        """Return whether bars may hold on the grid of a problem; the given map has been tested."""
+        if problem.heights.shape == self.map_problem.heights.shape:
+            return True
+        return problem.is_deeper_than_cells and not self._has_endless_waves(problem)
 
     def _has_endless_waves(self, problem: Problem) -> bool:
         """Return whether waves continue down to a grid, so that the area has no limit.
@@ -485,10 +498,8 @@ class _Search:
         """
         if problem.hardness is not None:
             return False
-        lines = self.coarsening.lines
-        if problem.heights.shape != self.map_problem.heights.shape:
-            lines = sampled_lines(problem.heights)
-        return slope_order_of_lines(lines, problem.boundary) < LEAST_ORDER
+        rows, columns = problem.heights.shape
+        return self.coarsening.slope_order((rows, columns)) < LEAST_ORDER
 
     def _try_grid(self, problem: Problem, dropped: float) -> Contact | None:
         """Solve on a grid, judge the contact and append the trial; return None without a contact.
@@ -522,14 +533,14 @@ class _Search:
             if coarse is not None:
                 share = work(coarse.pressure.shape) / work((rows, columns))
                 trial = self._with_convolutions(trial, coarse.convolutions * share)
-        least_ratio = self._least_ratio(coarse)
+        expected_ratio = self._expected_ratio(coarse)
         is_map = problem.heights.shape == self.map_problem.heights.shape
         # Where even the map may be hopeless, this contact tells the best bar.
-        if 1 < least_ratio <= HOPELESS and not is_map:
+        if 1 < expected_ratio <= HOPELESS and not is_map:
             reason = (
                 "half of the nodes tell that the border alone makes the error too large"
             )
-            self._append(replace(trial, reason=reason), expected_ratio=least_ratio)
+            self._append(replace(trial, reason=reason), expected_ratio=expected_ratio)
             return None
         try:
             contact = self._solved(problem, coarse)
@@ -561,8 +572,8 @@ class _Search:
         self.trials.append(trial)
         self.last_ratio = min(trial.error_ratio, expected_ratio)
 
-    def _least_ratio(self, coarse: Contact | None) -> float:
-        """Return the least error ratio that the contact on half of a grid's nodes lets expect [1].
+    def _expected_ratio(self, coarse: Contact | None) -> float:
+        """Return the error ratio that the contact on half of a grid's nodes lets expect [1].
 
         It is that of the area for the place of its border; 0 if it is not known.
         """
@@ -582,10 +593,11 @@ class _Search:
             rows, columns = problem.heights.shape
             near = coarse.pressure.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
         contact = solve_posed(problem, near)
-        if contact.delta == 0:  # a flat surface
+        unit = abs(contact.delta - problem.mean_displacement)  # of the tolerance [um]
+        if unit == 0:  # a flat surface
             return contact
         gap = max(contact.mean_gap, 0.0)
-        largest = OF_GAP * min(self.asked_errors.values()) * gap / abs(contact.delta)
+        largest = OF_GAP * min(self.asked_errors.values()) * gap / unit
         tolerance = max(largest, min(RTOL, problem.rtol))
         if problem.rtol <= tolerance:
             return contact
@@ -619,7 +631,12 @@ class _Search:
 
 
 def _on_half_of_the_nodes(problem: Problem) -> Contact | None:
-    """Solve a problem with a datum on about every second node; None if it has no solution."""
+    """Solve a problem with a datum on about every second node; None if it has no solution.
+
+    It is None, too, if the nodes are too few to have a coarser grid.
+    """
+    if min(problem.heights.shape) < FEWEST:
+        return None
     try:
         half = coarser(problem)
         check_solvable(half)
@@ -638,8 +655,8 @@ def error_parts(
 ) -> ErrorParts:
     """Return the relative error of an answer at 95 %, by its causes.
 
-    The part for dropped waves is that of the area, and the part for the solver is the tolerance
-    relative to Delta, whatever the answer is.
+    The part for dropped waves is that of the area, whatever the answer is. The part for the solver
+    follows from the largest violation of the conditions of contact that the solver has left.
 
     Parameters
     ----------
@@ -668,8 +685,16 @@ def error_parts(
         asked_error=asked_error,
         grid=TO_95_PERCENT * _relative_bar(contact, bars, name),
         waves=OF_DROPPED * dropped,
-        solver=contact.problem.rtol,
+        solver=_error_of_solver(contact, ANSWERS[name]),
     )
+
+
+def _error_of_solver(contact: Contact, answer: Answer) -> float:
+    """Return the relative error at 95 % that the solver leaves in an answer [1]."""
+    error = answer.by_violation * contact.residual
+    if contact.mean_gap > 0:  # full contact has no gap
+        error *= (abs(contact.delta) / contact.mean_gap) ** answer.gap_power
+    return error
 
 
 def tolerance_for(asked: Mapping[str, float]) -> float:
@@ -725,16 +750,17 @@ def work(nodes: tuple[int, ...]) -> float:
 # Grids of the same surface
 
 
-def grids(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+def grids(shape: tuple[int, ...], step: float = STEP) -> Iterator[tuple[int, int]]:
     """Yield the nodes of the grids of a map, from the coarsest one to the map itself.
 
-    Each has about 1.4 times as many nodes a side as the one before. Their numbers suit fast
-    transforms and the coarser grids of `bem.derived.grid_error`.
+    Their numbers suit fast transforms and the coarser grids of `bem.derived.grid_error`.
 
     Parameters
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the map.
+    step : float
+        Approximate ratio of the nodes a side of a grid to those of the grid before it [1].
 
     Yields
     ------
@@ -742,11 +768,13 @@ def grids(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
         Nodes (mx, my).
     """
     rows, columns = shape
-    steps = math.floor(math.log(max(min(rows, columns) / FEWEST_TRIED, 1), STEP))
-    for step in range(steps, 0, -1):
-        coarse = _fast_nodes(rows / STEP**step), _fast_nodes(columns / STEP**step)
-        if coarse[0] < 0.85 * rows and coarse[1] < 0.85 * columns:
+    steps = math.floor(math.log(max(min(rows, columns) / FEWEST_TRIED, 1), step))
+    last = (0, 0)
+    for number in range(steps, 0, -1):
+        coarse = _fast_nodes(rows / step**number), _fast_nodes(columns / step**number)
+        if coarse[0] < 0.85 * rows and coarse[1] < 0.85 * columns and coarse != last:
             yield coarse
+            last = coarse
     yield rows, columns
 
 

@@ -24,6 +24,10 @@ MODULI = Range(0, math.inf, "above 0 MPa")
 THICKNESSES = Range(0, math.inf, "above 0 um")
 POISSONS = Range(-1, math.nextafter(0.5, 1), "above -1 and at most 0.5")
 
+# Largest difference of a body's relative compliance from 1, for the shortest waves of the grid,
+# with which the material at the surface alone decides the pressure at the border of contact [1].
+OF_SURFACE = 0.1
+
 # Last power of the series in `_scaled_rest`: the next one would be below rounding.
 LAST_POWER = 19
 
@@ -110,6 +114,25 @@ class Body(ABC):
             self.e_star * wave_numbers / 2 / self.relative_compliance(wave_numbers)
         )
         return stiffness
+
+    def is_deeper_than_cells(self, spacing: tuple[float, float]) -> bool:
+        """Tell whether the surface's material decides the compliance of a grid's shortest waves.
+
+        The limit is `OF_SURFACE`.
+
+        Parameters
+        ----------
+        spacing : tuple of float
+            Distance of the nodes along both axes [um].
+
+        Returns
+        -------
+        bool
+            True if it does, as on every half-space.
+        """
+        shortest = np.array([math.pi / max(spacing)])
+        relative = np.ravel(self.relative_compliance(shortest))
+        return abs(float(relative[0]) - 1) < OF_SURFACE
 
     def reduced(self, length: float) -> "Body":
         """Return the body in units of a length and of its modulus E*.
@@ -243,6 +266,33 @@ class Layered(Body):
             return 0.0
         nu = self.poisson
         return self.thickness * (1 + nu) * (1 - 2 * nu) / ((1 - nu) * self.modulus)
+
+    def scaled(self, lengths: float = 1.0, moduli: float = 1.0) -> "Layered":
+        """Return the body at another scale, on which the contacts are copies of those of this one.
+
+        Parameters
+        ----------
+        lengths : float
+            Factor of all lengths along the surface, which the thickness has, too.
+        moduli : float
+            Factor of the moduli of the layer and of the base.
+
+        Returns
+        -------
+        Layered
+            The body with the same Poisson's ratios.
+
+        Raises
+        ------
+        ValueError
+            If a scaled number is not in its range.
+        """
+        base = self.base
+        if isinstance(base, HalfSpace):
+            base = HalfSpace(moduli * base.modulus, base.poisson)
+        return Layered(
+            lengths * self.thickness, moduli * self.modulus, self.poisson, base
+        )
 
     @property
     def _shear_ratio(self) -> float:

@@ -5,18 +5,26 @@ is interpolated there by its own waves: by Fourier's on a periodic patch, by cos
 one. On a free patch it is interpolated by polynomials of the fifth degree. Where a larger cell has
 an odd number of the map's cells along both axes, its centre is a node of the map, whose height it
 has.
+
+How much a lost wave matters follows from the pressure that flattens it. On a half-space this
+pressure is proportional to the slope of the wave. On other bodies, the squares of slopes are
+weighted by the square of the body's stiffness over that of a half-space (Persson 2012, J. Phys.:
+Condens. Matter 24, 095008). A hard coating bends under long waves at little pressure, so that short
+waves matter more. A soft layer on a hard base resists long waves most, so that they matter less.
 """
 
 from __future__ import annotations  # short signatures in help()
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Values
+from bem.bodies import HALF_SPACE, Body
+from bem.derived.grid_error import FEWEST, order_of_slopes, slope_order_of_lines
 from bem.problem import Boundary
 from bem.threads import computed_once
 
@@ -25,6 +33,12 @@ NODES_BESIDE = 6
 
 # Approximate largest number of lines of a map on which slopes are measured along each axis.
 LINES = 64
+
+# Number of rows of a map that are transformed at once.
+ROWS_AT_ONCE = 32
+
+# Number of all waves along an axis over the number of those that are expected to have a slope.
+EXPECTED_SHARE = 4
 
 # Largest share of the mean square slope of waves that are left out of a transform [1].
 NEGLIGIBLE = 1e-9
@@ -42,7 +56,7 @@ class CoarserMap:
     heights : ndarray, shape (mx, my)
         Heights, read-only [um].
     dropped : float
-        Share of the given map's mean square slope that this map lacks [1].
+        Share of the given map's mean square slope that this map lacks, weighted by the body [1].
     """
 
     heights: Field
@@ -80,12 +94,18 @@ class Coarsening:
         "free", "periodic" or "mirror", see `bem.solve`.
     aspect : float
         Second side of a cell over its first [1].
+    body : Body
+        Elastic body in units of the first side of a cell and of its modulus E*, by default a
+        half-space.
     """
 
-    def __init__(self, heights: Field, boundary: Boundary, aspect: float) -> None:
+    def __init__(
+        self, heights: Field, boundary: Boundary, aspect: float, body: Body = HALF_SPACE
+    ) -> None:
         self.heights = heights
         self.boundary = boundary
         self.aspect = aspect
+        self.body = body
         self._map_by_nodes: dict[tuple[int, int], CoarserMap] = {}
 
     def on(self, nodes: tuple[int, int]) -> CoarserMap:
@@ -112,6 +132,7 @@ class Coarsening:
                     self._reduced_lines,
                     self.aspect,
                 )
+                dropped = min(dropped * self._weight_of_lost_waves(nodes), 1.0)
             else:
                 heights, dropped = self._waves.cut(nodes)
                 heights *= self._unit
@@ -123,8 +144,9 @@ class Coarsening:
     def lost_slope(self, nodes: tuple[int, ...]) -> float:
         """Return the share of a grid's mean square slope that is lost at twice its spacing.
 
-        Slopes are those between neighbouring nodes, on some lines of the map along the axis that
-        loses more. For a wave with n nodes of the grid the share is sin(pi / n)^2.
+        Slopes are those between neighbouring nodes along the axis that loses more, on some lines
+        of a free map, and by the waves of others. For a wave with n nodes of the grid the share is
+        sin(pi / n)^2.
 
         Parameters
         ----------
@@ -147,24 +169,70 @@ class Coarsening:
                 share = max(1 - far / near, LEAST_LOST)
         return share
 
+    def slope_order(self, nodes: tuple[int, int]) -> float:
+        """Return the order in the spacing of the surface's mean square slope on a grid.
+
+        Parameters
+        ----------
+        nodes : tuple of int
+            Nodes (mx, my) of the grid, at most those of the map.
+
+        Returns
+        -------
+        float
+            The smaller order of both axes, see `bem.derived.grid_error.slope_order_of_lines` [1].
+        """
+        if self.boundary == "free":
+            lines = self.lines
+            if nodes != self.heights.shape:
+                lines = sampled_lines(self.on(nodes).heights)
+            return slope_order_of_lines(lines, self.boundary)
+        orders = []
+        for axis, slopes in enumerate(self._slopes_of_waves):
+            if nodes[axis] >= FEWEST:
+                step = self.heights.shape[axis] / nodes[axis]
+                kept = slopes.kept_by(step)
+                orders.append(
+                    order_of_slopes(*(kept.over(times * step) for times in (1, 2, 4)))
+                )
+        return min(orders, default=math.inf)
+
+    @computed_once
+    def rms_slope(self) -> float:
+        """Root mean square slope between neighbouring nodes [um over the first side of a cell]."""
+        along, across = (slopes.over(1.0) for slopes in self._slopes)
+        return math.sqrt(along + across) * self._unit
+
     @computed_once
     def lines(self) -> tuple[Field, Field]:
         """Some lines of the map along both axes, see `sampled_lines` [um]."""
         return sampled_lines(self.heights)
 
     @computed_once
-    def _slopes(self) -> tuple[_SlopesOverDistances, _SlopesOverDistances]:
+    def _slopes(
+        self,
+    ) -> tuple[_SlopesOfLines | _SlopesOfWaves, _SlopesOfLines | _SlopesOfWaves]:
         """Mean square slopes along both axes, in a common unit."""
-        along, across = self._reduced_lines
-        return (
-            _SlopesOverDistances.of(along, 1.0),
-            _SlopesOverDistances.of(across, self.aspect),
-        )
+        if self.boundary == "free":
+            along, across = self._reduced_lines
+            return _SlopesOfLines(along, 1.0), _SlopesOfLines(across, self.aspect)
+        return self._slopes_of_waves
+
+    @computed_once
+    def _slopes_of_waves(self) -> tuple[_SlopesOfWaves, _SlopesOfWaves]:
+        """Mean square slopes along both axes of a patch without edges, in a common unit."""
+        return self._waves.slopes(self.aspect)
 
     @computed_once
     def _unit(self) -> float:
-        """Power of two near the range of the lines: squares of heights in it stay finite [um]."""
-        largest = max(float(np.ptp(lines)) for lines in self.lines)
+        """Power of two in which squares of heights stay finite [um].
+
+        It is near the range of some lines, or near the mean if a few nodes elsewhere are far above.
+        """
+        range_of_lines = float(
+            np.ptp(self.heights[:: max(1, len(self.heights) // LINES)])
+        )
+        largest = max(range_of_lines, abs(self._mean - float(self.heights[0, 0])))
         return math.ldexp(1.0, math.frexp(largest)[1])
 
     @computed_once
@@ -180,42 +248,145 @@ class Coarsening:
 
     @computed_once
     def _waves(self) -> _Waves:
-        """The waves of a patch without edges in units of `_unit`, by one transform."""
-        heights = self.heights - self._mean
-        heights /= self._unit
-        return _Waves.of(heights, self.aspect, is_periodic=self.boundary == "periodic")
+        """The waves of the map in units of `_unit`, by one transform; cosines on a free patch."""
+        return _Waves.of(
+            self.heights,
+            self.aspect,
+            self.body,
+            is_periodic=self.boundary == "periodic",
+            unit=self._unit,
+        )
+
+    def _weight_of_lost_waves(self, nodes: tuple[int, int]) -> float:
+        """Return the mean weight of the waves that a free map loses over that of all waves [1].
+
+        It is 1 on half-spaces. On other bodies it is computed for the cosines of the map. They have
+        kinks at the borders, but these hardly change a ratio of weights.
+        """
+        if self.body.is_homogeneous:
+            return 1.0
+        unweighted = replace(self._waves, weights=None).dropped(nodes)
+        if unweighted == 0:
+            return 1.0
+        return self._waves.dropped(nodes) / unweighted
+
+
+class _SlopesOfLines:
+    """Mean square slopes between nodes of some lines of a map.
+
+    Parameters
+    ----------
+    lines : ndarray, shape (n, k)
+        Lines, whose nodes follow each other along the first axis [unit of heights].
+    spacing : float
+        Distance of the nodes [unit of slopes].
+    """
+
+    def __init__(self, lines: Field, spacing: float) -> None:
+        self._lines = lines
+        self._spacing = spacing
+        self._logarithms: dict[int, float] = {}
+
+    def over(self, distance: float) -> float:
+        """Return the mean square slope over a distance [nodes], interpolated between powers of two.
+
+        Distances are at most a quarter of the lines' length.
+        """
+        most = max(self._lines.shape[0].bit_length() - 3, 0)
+        exponent = min(math.log2(distance), most)
+        lower = math.floor(exponent)
+        upper = math.ceil(exponent)
+        share = exponent - lower
+        return math.exp(
+            (1 - share) * self._logarithm(lower) + share * self._logarithm(upper)
+        )
+
+    def _logarithm(self, power: int) -> float:
+        """Return the natural logarithm of the mean square slope over a power of two of nodes."""
+        if power not in self._logarithms:
+            distance = 2**power
+            rise = self._lines[distance:] - self._lines[:-distance]
+            mean_square = 0.0
+            if rise.size:
+                mean_square = float(np.einsum("ij,ij->", rise, rise)) / rise.size
+            squared_slope = mean_square / (distance * self._spacing) ** 2
+            self._logarithms[power] = math.log(max(squared_slope, 1e-300))
+        return self._logarithms[power]
 
 
 @dataclass(frozen=True, eq=False)
-class _SlopesOverDistances:
-    """Mean square slopes between nodes of lines at distances of 1, 2, 4 and more nodes.
+class _SlopesOfWaves:
+    """Mean square slopes between nodes along an axis, by the waves of a patch without edges.
 
     Attributes
     ----------
-    logarithms : ndarray, shape (k,)
-        Natural logarithms of the mean square slopes over 2^0 to 2^(k-1) nodes.
+    mean_squares : ndarray, shape (k,)
+        Mean squares of the waves of each number along the axis [square of unit of heights].
+    wavenumbers : ndarray, shape (k,)
+        Number of each wave over the unit of length [1].
+    spacing : float
+        Distance of the nodes [unit of length].
     """
 
-    logarithms: Values
+    mean_squares: Values
+    wavenumbers: Values
+    spacing: float
 
-    @classmethod
-    def of(cls, lines: Field, spacing: float) -> _SlopesOverDistances:
-        """Return the slopes along the first axis of lines of nodes at a spacing."""
-        nodes = lines.shape[0]
-        squares = []
-        for power in range(max(nodes.bit_length() - 2, 1)):
-            distance = 2**power
-            rise = lines[distance:] - lines[:-distance]
-            mean_square = 0.0
-            if rise.size:
-                mean_square = float((rise * rise).sum()) / rise.size
-            squares.append(mean_square / (distance * spacing) ** 2)
-        return cls(np.log(np.maximum(squares, 1e-300)))
+    def kept_by(self, step: float) -> _SlopesOfWaves:
+        """Return the slopes of the waves that nodes at a larger distance can carry [nodes]."""
+        kept = 2 * step * self.spacing * self.wavenumbers < 1
+        return replace(
+            self, mean_squares=self.mean_squares[kept], wavenumbers=self.wavenumbers[kept]
+        )
 
     def over(self, distance: float) -> float:
-        """Return the mean square slope over a distance [nodes], interpolated between powers."""
-        powers = np.arange(self.logarithms.size)
-        return math.exp(np.interp(math.log2(distance), powers, self.logarithms))
+        """Return the mean square slope over a distance [nodes], at least 1e-300."""
+        length = distance * self.spacing
+        # The mean square of the difference between two places of a wave, over its own mean square.
+        factors = 4 * np.sin(math.pi * length * self.wavenumbers) ** 2
+        return max(float(self.mean_squares @ factors) / length**2, 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The rows of a patch without edges, transformed along the second axis.
+
+    Attributes
+    ----------
+    amplitudes : ndarray, shape (nx, kept)
+        Amplitudes of the lowest numbers of Fourier's waves of a periodic patch, or of the cosines
+        of a mirrored one [unit of heights].
+    mean_squares : ndarray, shape (ky,)
+        Mean square amplitudes of all numbers [square of that unit].
+    """
+
+    amplitudes: NDArray[Any]  # complex or real
+    mean_squares: Values
+
+    @classmethod
+    def of(cls, heights: Field, kept: int, *, is_periodic: bool, unit: float) -> _Rows:
+        """Transform the rows of heights, (nx, ny), less their mean, and keep the lowest numbers.
+
+        `unit` is in the unit of the heights. A few rows at a time are in the processor's cache.
+        """
+        from scipy import fft  # here, because few contacts need it
+
+        transform: Any = fft.rfft if is_periodic else fft.dct
+        mean = float(heights.mean())
+        amplitudes: list[NDArray[Any]] = []
+        sums: list[Values] = []
+        for first in range(0, len(heights), ROWS_AT_ONCE):
+            band = heights[first : first + ROWS_AT_ONCE] - mean
+            band /= unit
+            of_band = transform(band, norm="forward")
+            amplitudes.append(of_band[:, :kept].copy())
+            parts = of_band.view(np.float64)  # real and imaginary ones beside each other
+            parts *= parts
+            sums.append(parts.sum(axis=0))
+        squares = np.sum(sums, axis=0)
+        if is_periodic:
+            squares = squares.reshape(-1, 2).sum(axis=1)
+        return cls(np.concatenate(amplitudes), squares / len(heights))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,6 +415,9 @@ class _Waves:
         Upper bound of the mean square slope of the waves that are left out, in the same unit.
     is_periodic : bool
         Whether the patch is periodic.
+    weights : ndarray, shape (nx, ky), or None
+        Weights by which the body multiplies the mean square slopes of the waves; None for
+        half-spaces, where they are 1 [1].
     """
 
     amplitudes: NDArray[Any]  # complex or real
@@ -255,13 +429,16 @@ class _Waves:
     steepness_across: Values
     left_out: float
     is_periodic: bool
+    weights: Field | None
 
     @classmethod
-    def of(cls, heights: Field, aspect: float, *, is_periodic: bool) -> _Waves:
-        """Transform the heights of a patch, (nx, ny), whose mean is zero.
+    def of(
+        cls, heights: Field, aspect: float, body: Body, *, is_periodic: bool, unit: float
+    ) -> _Waves:
+        """Transform the heights of a patch, (nx, ny), less their mean and in a unit.
 
-        `aspect` is the second side of a cell over its first. The nodes of a mirrored patch are the
-        centres of its cells.
+        `aspect` is the second side of a cell over its first, which is the body's unit of length.
+        The nodes of a mirrored patch are the centres of its cells.
         """
         from scipy import fft  # here, because few contacts need it
 
@@ -271,29 +448,33 @@ class _Waves:
             across = np.arange(columns // 2 + 1)
             times_along = np.ones(rows)
             is_single = (across == 0) | (2 * across == columns)
-            of_rows: NDArray[Any] = fft.rfft(heights, norm="forward")
-            parts = of_rows.view(np.float64)  # real and imaginary parts beside each other
-            squares = np.einsum("ij,ij->j", parts, parts).reshape(-1, 2).sum(axis=1)
         else:
             along = np.arange(rows)
             across = np.arange(columns)
             times_along = np.where(along == 0, 1.0, 2.0)
             is_single = across == 0
-            of_rows = fft.dct(heights, norm="forward")
-            squares = np.einsum("ij,ij->j", of_rows, of_rows)
         times_across = np.where(is_single, 1.0, 2.0)
         steepness_along = (along / rows) ** 2
         steepness_across = (across / columns / aspect) ** 2
-        of_number = times_across * squares / rows
+        of_rows = _Rows.of(
+            heights, across.size // EXPECTED_SHARE, is_periodic=is_periodic, unit=unit
+        )
+        of_number = times_across * of_rows.mean_squares
         left_out = _steepest_from(of_number, steepness_across, steepness_along.max())
         # A lower bound of the mean square slope of all waves: as if each number across had only its
         # least steep wave.
         least = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
         kept = int(np.argmax(left_out <= NEGLIGIBLE * least))
-        if is_periodic:
-            amplitudes = fft.fft(of_rows[:, :kept], axis=0, norm="forward")
-        else:
-            amplitudes = fft.dct(of_rows[:, :kept], axis=0, norm="forward")
+        weights = None
+        if not body.is_homogeneous:
+            kept = across.size  # the body may give large weights to waves of little slope
+            half_waves = 2 if is_periodic else 1
+            numbers = np.sqrt(np.add.outer(steepness_along, steepness_across))
+            weights = _weights(half_waves * math.pi * numbers, body)
+        if kept > of_rows.amplitudes.shape[1]:
+            of_rows = _Rows.of(heights, kept, is_periodic=is_periodic, unit=unit)
+        transform: Any = fft.fft if is_periodic else fft.dct
+        amplitudes = transform(of_rows.amplitudes[:, :kept], axis=0, norm="forward")
         return cls(
             amplitudes=amplitudes,
             along=along,
@@ -304,7 +485,27 @@ class _Waves:
             steepness_across=steepness_across[:kept],
             left_out=float(left_out[kept]),
             is_periodic=is_periodic,
+            weights=weights,
         )
+
+    def slopes(self, aspect: float) -> tuple[_SlopesOfWaves, _SlopesOfWaves]:
+        """Return the mean square slopes along both axes, in a common unit.
+
+        `aspect` is the second side of a cell over its first.
+        """
+        squares = self._squares(self.amplitudes)
+        waves = 1.0 if self.is_periodic else 0.5  # of a number over the side
+        along = _SlopesOfWaves(
+            mean_squares=self.times_along * (squares @ self.times_across),
+            wavenumbers=waves * np.sqrt(self.steepness_along),
+            spacing=1.0,
+        )
+        across = _SlopesOfWaves(
+            mean_squares=self.times_across * (self.times_along @ squares),
+            wavenumbers=waves * np.sqrt(self.steepness_across),
+            spacing=aspect,
+        )
+        return along, across
 
     def cut(self, nodes: tuple[int, int]) -> tuple[Field, float]:
         """Return the heights by the waves that fewer nodes can have, and the share of the others.
@@ -319,17 +520,12 @@ class _Waves:
         heights : ndarray, shape (mx, my)
             Heights on the coarser grid, of zero mean [unit of heights].
         dropped : float
-            Share of the mean square slope of the waves that are cut [1].
+            Share of the weighted mean square slope of the waves that are cut [1].
         """
         from scipy import fft  # here, because few contacts need it
 
-        half_waves = 2 if self.is_periodic else 1
-        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
-        columns = np.flatnonzero(half_waves * self.across < nodes[1])
+        rows, columns = self._numbers_on(nodes)
         kept = self.amplitudes[np.ix_(rows, columns)]
-        share = 1.0
-        if self._mean_square_slope > 0:
-            share = self._slope_of(kept, rows, columns) / self._mean_square_slope
         spectrum = (nodes[0], nodes[1] // 2 + 1) if self.is_periodic else nodes
         amplitudes = np.zeros(spectrum, dtype=self.amplitudes.dtype)
         amplitudes[np.ix_(self.along[rows], self.across[columns])] = kept
@@ -338,23 +534,52 @@ class _Waves:
             heights = fft.irfft2(amplitudes, s=nodes, norm="forward")
         else:
             heights = fft.idctn(amplitudes, norm="forward")
-        return np.ascontiguousarray(heights), max(1.0 - share, 0.0)
+        return np.ascontiguousarray(heights), self._dropped(kept, rows, columns)
+
+    def dropped(self, nodes: tuple[int, int]) -> float:
+        """Return the share of the weighted mean square slope that fewer nodes, (mx, my), lack."""
+        rows, columns = self._numbers_on(nodes)
+        return self._dropped(self.amplitudes[np.ix_(rows, columns)], rows, columns)
+
+    def _dropped(self, kept: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
+        """Return the share of the weighted mean square slope that is not in kept waves.
+
+        `kept` are the amplitudes of the given rows and columns of all amplitudes.
+        """
+        if self._mean_square_slope == 0:
+            return 0.0
+        share = self._slope_of(kept, rows, columns) / self._mean_square_slope
+        return max(1.0 - share, 0.0)
+
+    def _numbers_on(self, nodes: tuple[int, int]) -> tuple[Nodes, Nodes]:
+        """Return the indices along both axes of the waves that fewer nodes can have."""
+        half_waves = 2 if self.is_periodic else 1
+        rows = np.flatnonzero(half_waves * np.abs(self.along) < nodes[0])
+        columns = np.flatnonzero(half_waves * self.across < nodes[1])
+        return rows, columns
 
     @computed_once
     def _mean_square_slope(self) -> float:
-        """Mean square slope of all waves, in the unit of `steepness_along`."""
+        """Weighted mean square slope of all waves, in the unit of `steepness_along`."""
         rows, columns = self.amplitudes.shape
         kept = self._slope_of(self.amplitudes, np.arange(rows), np.arange(columns))
         return kept + self.left_out
 
+    def _squares(self, amplitudes: NDArray[Any]) -> Field:
+        """Return the squares of the absolute values of amplitudes, of their shape."""
+        squares: Field = amplitudes.real**2
+        if self.is_periodic:  # amplitudes are complex
+            squares += amplitudes.imag**2
+        return squares
+
     def _slope_of(self, amplitudes: NDArray[Any], rows: Nodes, columns: Nodes) -> float:
-        """Return the mean square slope of waves in the unit of `steepness_along`.
+        """Return the weighted mean square slope of waves in the unit of `steepness_along`.
 
         `amplitudes` are those of the given rows and columns of all amplitudes.
         """
-        squares = amplitudes.real**2
-        if self.is_periodic:  # amplitudes are complex
-            squares += amplitudes.imag**2
+        squares = self._squares(amplitudes)
+        if self.weights is not None:
+            squares *= self.weights[np.ix_(rows, columns)]
         times_along = self.times_along[rows]
         times_across = self.times_across[columns]
         steepness_across = times_across * self.steepness_across[columns]
@@ -362,6 +587,17 @@ class _Waves:
         part_along = (times_along * self.steepness_along[rows]) @ sums[:, 0]
         part_across = times_along @ sums[:, 1]
         return float(part_along + part_across)
+
+
+def _weights(wave_numbers: Field, body: Body) -> Field:
+    """Return squares of a body's stiffness over a half-space's, shape of wave_numbers [1].
+
+    The mean has no slope, and the weight 0.
+    """
+    weights = np.zeros_like(wave_numbers)
+    is_wave = wave_numbers > 0
+    weights[is_wave] = 1 / np.square(body.relative_compliance(wave_numbers[is_wave]))
+    return weights
 
 
 def _steepest_from(

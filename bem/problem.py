@@ -19,6 +19,7 @@ from bem.bodies import (
 )
 from bem.checks import LARGEST, Range, real_array, real_number, refuse_masked, shown
 from bem.influence import largest_wave_number
+from bem.threads import computed_once
 
 Boundary = Literal["free", "periodic", "mirror"]
 BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
@@ -40,10 +41,6 @@ DEEPEST = 1e10
 # Mean depth below the highest node that a flat surface is taken to have [um], so that a
 # displacement of 0 is allowed.
 FLATTEST = 1e-300
-
-# Largest difference of a body's relative compliance from 1, for the shortest waves of the grid,
-# with which the material at the surface alone decides the pressure at the border of contact [1].
-OF_SURFACE = 0.1
 
 # Number of wave numbers, from the longest to the shortest wave, whose compliance is checked.
 WAVES = 9
@@ -174,13 +171,24 @@ class Problem:
 
     @property
     def is_deeper_than_cells(self) -> bool:
-        """Whether the material at the surface decides the compliance of the grid's shortest waves.
+        """Whether the surface's material decides the compliance of the grid's shortest waves."""
+        return self.body.is_deeper_than_cells(self.spacing)
 
-        The limit is `OF_SURFACE`.
+    @property
+    def settlement_ratio(self) -> float:
+        """Settlement under the whole patch over that of the surface's material alone, at least 1.
+
+        Below a hard layer on a soft base a free patch settles by much more than its roughness.
+        Tolerances are relative to Delta, which includes the settlement, so that loose ones have to
+        be divided by this ratio. It is 1 on half-spaces and on patches without edges.
         """
-        shortest = np.array([math.pi / max(self.spacing)])
-        relative = np.ravel(self.body.relative_compliance(shortest))
-        return abs(float(relative[0]) - 1) < OF_SURFACE
+        if self.boundary != "free" or self.body.is_homogeneous:
+            return 1.0
+        rows, columns = self.heights.shape
+        side = max(rows * self.spacing[0], columns * self.spacing[1])
+        # A wave of pressure of this number displaces as much as a uniform pressure on the patch.
+        relative = np.ravel(self.body.relative_compliance(np.array([2 / side])))
+        return max(float(relative[0]), 1.0)
 
     @property
     def mean_displacement(self) -> float:
@@ -193,10 +201,15 @@ class Problem:
         area = self.heights.size * self.spacing[0] * self.spacing[1]
         return self.force / area * self.body.mean_compliance
 
+    @computed_once
+    def highest(self) -> float:
+        """Height of the highest node [um]."""
+        return float(self.heights.max())
+
     @property
     def datum_height(self) -> float:
         """Height at which Delta is zero [um]."""
-        return float(self.heights.max()) + (self.datum or 0.0)
+        return self.highest + (self.datum or 0.0)
 
     @property
     def aspect(self) -> float:
@@ -532,7 +545,7 @@ def _check_range(problem: Problem) -> None:
     along, across = problem.spacing
     depth = problem.delta or along
     load = problem.force or depth * problem.modulus * along
-    half = float(heights.max() / 2 - heights.min() / 2)
+    half = problem.highest / 2 - float(heights.min()) / 2
     numbers = {
         "spacing [um]": min(along, across),
         "cell aspect ratio": across / max(along, NUMBERS[0]),
@@ -586,8 +599,10 @@ def checked_heights(heights: ArrayLike) -> Field:
         raise ValueError(
             f"heights have shape {surface.shape}: a grid of nodes (nx, ny) is needed"
         )
-    holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
-    if holes:
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_finite = math.isfinite(float(surface.sum()))  # faster than a look at each node
+    if not is_finite and not np.isfinite(surface).all():
+        holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
         raise ValueError(
             f"heights hold {holes} values that are not finite: fill or crop them"
         )

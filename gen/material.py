@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import quoted
@@ -57,6 +57,45 @@ LAYER_COLUMNS = {
     "base_poisson": Heading("base's Poisson's ratio"),
 }
 """Columns about a layer and its base."""
+
+
+def columns_of_layer(body: "bem.Body") -> dict[str, float | str]:
+    """Return the numbers of a layered body and of its base.
+
+    Parameters
+    ----------
+    body : bem.Body
+        Any body. Of two bodies in contact, the first one has the layer.
+
+    Returns
+    -------
+    dict of str to float or str
+        The numbers by columns of `LAYER_COLUMNS`, those of the base only if it is elastic; empty
+        for half-spaces.
+    """
+    from bem.bodies import (
+        HalfSpace,
+        Layered,
+        Pair,
+    )  # here, so that --help does not wait for it
+
+    if isinstance(body, Pair):
+        body = body.first
+    if not isinstance(body, Layered):
+        return {}
+    numbers: dict[str, float | str] = {
+        "layer_thickness_um": body.thickness,
+        "layer_young_MPa": body.modulus,
+        "layer_poisson": body.poisson,
+        "base": "rigid",
+    }
+    if isinstance(body.base, HalfSpace):
+        numbers |= {
+            "base": "elastic",
+            "base_young_MPa": body.base.modulus,
+            "base_poisson": body.base.poisson,
+        }
+    return numbers
 
 
 class Gas(NamedTuple):
@@ -344,6 +383,11 @@ class ElasticBody(NamedTuple):
     young: float  # Young's modulus [MPa]
     poisson: float  # Poisson's ratio
 
+    @property
+    def text(self) -> str:
+        """Both numbers in words."""
+        return f"{self.young:.6g} MPa (Poisson's ratio {self.poisson:.6g})"
+
 
 @dataclass(frozen=True)
 class Friction:
@@ -491,18 +535,83 @@ class LayeredBody(NamedTuple):
     # The body that is pressed on the layer; None if it is rigid.
     other: ElasticBody | None
 
+    @classmethod
+    def of(cls, body: "bem.Layered") -> Self:
+        """Return a layered body that a rigid one is pressed on.
+
+        Parameters
+        ----------
+        body : bem.Layered
+            The body as `bem.solve` takes it.
+
+        Returns
+        -------
+        LayeredBody
+            The same body.
+        """
+        layer = Layer(
+            thickness=body.thickness,
+            material=ElasticBody(young=body.modulus, poisson=body.poisson),
+            on_rigid=body.base == "rigid",
+        )
+        base: ElasticBody | None = None
+        if body.base != "rigid":
+            base = ElasticBody(young=body.base.modulus, poisson=body.base.poisson)
+        return cls(layer=layer, base=base, other=None)
+
     @property
-    def body(self) -> "bem.Body | tuple[bem.Body, bem.Body]":
-        """The layered body, or both bodies, as `bem.solve` takes them."""
+    def alone(self) -> "bem.Layered":
+        """The layered body without the other one."""
         import bem  # here, so that --help does not wait for it
 
         base: bem.HalfSpace | Literal["rigid"] = "rigid"
         if self.base is not None:
             base = bem.HalfSpace(*self.base)
-        layered = bem.Layered(self.layer.thickness, *self.layer.material, base)
+        return bem.Layered(self.layer.thickness, *self.layer.material, base)
+
+    @property
+    def body(self) -> "bem.Body":
+        """The layered body as `bem.solve` takes it, or the pair of both elastic bodies."""
+        import bem  # here, so that --help does not wait for it
+        from bem.bodies import Pair
+
         if self.other is None:
-            return layered
-        return layered, bem.HalfSpace(*self.other)
+            return self.alone
+        return Pair(self.alone, bem.HalfSpace(*self.other))
+
+    @property
+    def layer_compliance(self) -> float:
+        """Compression of the layer alone by a uniform pressure of 1 MPa [um / MPa].
+
+        The base does not matter: the layer is under uniaxial strain on any base. It is 0 for an
+        incompressible layer.
+        """
+        on_rigid = LayeredBody(layer=self.layer, base=None, other=None)
+        return on_rigid.body.mean_compliance
+
+    @property
+    def e_star(self) -> float:
+        """E* of the surfaces: of the layer, and of the other body if that is elastic [MPa]."""
+        surfaces = [self.layer.material]
+        if self.other is not None:
+            surfaces.append(self.other)
+        modulus = combined_modulus(
+            [surface.young for surface in surfaces],
+            [surface.poisson for surface in surfaces],
+        )
+        assert modulus is not None  # it is None without any modulus
+        return modulus
+
+    @property
+    def text(self) -> str:
+        """The layer, its base and the other body in words, as "5 um of 3 MPa (...) on ..."."""
+        base = "a rigid base"
+        if self.base is not None:
+            base = self.base.text
+        text = f"{self.layer.thickness:.6g} um of {self.layer.material.text} on {base}"
+        if self.other is not None:
+            text += f", against {self.other.text}"
+        return text
 
 
 class Bodies(NamedTuple):
@@ -627,20 +736,17 @@ class Bodies(NamedTuple):
         while len(elastic) < 2:
             elastic.append(None)  # a rigid body
         base, other = elastic
-        surfaces = [layer.material]
-        if other is not None:
-            surfaces.append(other)
-        modulus = combined_modulus(
-            [surface.young for surface in surfaces],
-            [surface.poisson for surface in surfaces],
-        )
-        assert modulus is not None  # it is None without any modulus
+        layered = LayeredBody(layer=layer, base=base, other=other)
         return cls(
-            e_star=modulus,
-            hardness=hardness,
-            has_modulus=True,
-            layered=LayeredBody(layer=layer, base=base, other=other),
+            e_star=layered.e_star, hardness=hardness, has_modulus=True, layered=layered
         )
+
+    @property
+    def elastic_settings(self) -> dict[str, Any]:
+        """Arguments of `bem.solve` about the elastic material of the bodies."""
+        if self.layered is None:
+            return {"modulus": self.e_star}
+        return {"body": self.layered.body}
 
     @property
     def hardness_ratio(self) -> float | None:
@@ -652,7 +758,7 @@ class Bodies(NamedTuple):
         """E* and, if there is one, the hardness in words, for titles and records."""
         modulus = f"E* = {self.e_star:.6g} MPa"
         if self.layered is not None:
-            modulus += f", layer of {self.layered.layer.thickness:.6g} um"
+            modulus += f", layer of {self.layered.text}"
         if self.hardness is None:
             return modulus
         return f"{modulus}, hardness = {self.hardness:.6g} MPa"

@@ -206,6 +206,13 @@ SpectrumTable = Annotated[
         "--spectrum",
     ),
 ]
+Join = Annotated[
+    bool,
+    Option(
+        "--join",
+        help="Join the spectra of scans of one surface at different magnifications.",
+    ),
+]
 Picture = Annotated[Path | None, _file("Draw surface and contact.", "--plot")]
 SurfacePicture = Annotated[
     Path | None, _file("Draw the surface and its spectrum.", "--plot")
@@ -328,6 +335,18 @@ class Layer(NamedTuple):
     ] = "elastic"
 
 
+LayerPlace = Literal["mesh", "law"]
+"""What has the uniform compression of a layer: the mesh, or the closure of the law."""
+
+LayerIn = Annotated[
+    LayerPlace,
+    Option(
+        help="mesh: the mesh contains the layer, so that the closure is without its uniform"
+        " compression; law: the closure has it."
+    ),
+]
+
+
 class Shear(NamedTuple):
     """The options about shear of two bodies of like elastic constants."""
 
@@ -401,7 +420,7 @@ class Accuracy(NamedTuple):
         Returns
         -------
         dict from str to float, or None
-            Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1]; None
+            Largest relative errors, by the names of the answers in `bem.answers.ANSWERS` [1]; None
             if the option is left out.
 
         Raises
@@ -447,12 +466,21 @@ NOT_WITH_LAYER = {
     "conductivity": Refusal(
         None, "the conductance follows from the stiffness on half-spaces only"
     ),
-    "error": Refusal("", "answers within an error are those of half-spaces"),
     "friction": Refusal(
         None, "partial slip follows from normal contacts on half-spaces only"
     ),
 }
 """Options that --layer-thickness refuses, by their parameters."""
+
+
+_OF_ONE_MAP = "its numbers are those of a single map"
+NOT_WITH_JOIN = {
+    "table": Refusal(None, "--spectrum writes the joined spectrum as CSV"),
+    "json": Refusal(None, "--spectrum writes the joined spectrum as CSV"),
+    "depth": Refusal(None, _OF_ONE_MAP),
+    "against": Refusal(None, "scans of one surface are joined, not two bodies"),
+}
+"""Options that --join refuses, by their parameters."""
 
 
 def refuse(

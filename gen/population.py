@@ -1,8 +1,9 @@
 """Surfaces like measured maps: a spectrum in bands, a distribution of heights, and new phases.
 
-A surface is a translation field g(u): u is a Gaussian random field with the spectrum of the
-population, and g a rising curve from normal scores to heights [1]_ [2]_. The population is a record
-of plain numbers in a JSON file, which `gen.draft.populations` fits to maps.
+The texture of a surface is a translation field g(u): u is a Gaussian random field with the spectrum
+of the population, and g a rising curve from normal scores to heights [1]_ [2]_. Copies of the maps'
+imperfections, as pits and dust, are added at random places. The population is a record of plain
+numbers in a JSON file, which `gen.draft.populations` fits to maps.
 
 References
 ----------
@@ -37,8 +38,13 @@ LARGEST_FILE = 2_000_000
 MOST_BANDS = 200
 """Largest number of bands along an axis. A map of 4,097 nodes has 62."""
 
+LARGEST_IMPERFECTION = 100_000
+"""Largest number of nodes along an axis of an imperfection."""
+
 # number of normal scores at which the curve of heights is tabulated
 TABULATED = 2001
+# largest position in the table that is below its last entry
+BEFORE_LAST_ENTRY = float(np.nextafter(TABULATED - 1, 0))
 # Largest tabulated score. A share of 1e-15 of all nodes is beyond it, hence none of any surface.
 FURTHEST_SCORE = 8.0
 
@@ -48,6 +54,10 @@ Count = Annotated[int, Field(ge=2, le=10**6)]
 Row = Annotated[tuple[Number, ...], Field(max_length=MOST_BANDS)]
 Bands = Annotated[tuple[Number, ...], Field(min_length=2, max_length=MOST_BANDS)]
 Curve = Annotated[tuple[Number, ...], Field(min_length=2, max_length=1000)]
+Line = Annotated[tuple[Number, ...], Field(min_length=1, max_length=LARGEST_IMPERFECTION)]
+Imperfection = Annotated[
+    tuple[Line, ...], Field(min_length=1, max_length=LARGEST_IMPERFECTION)
+]
 
 
 @with_config(ConfigDict(extra="forbid"))
@@ -64,7 +74,7 @@ class SourceMap:
 @with_config(ConfigDict(extra="forbid"))
 @dataclass(frozen=True)
 class Population:
-    """Surfaces of one kind: the spectrum of a Gaussian field, and the curve to heights.
+    """Surfaces of one kind: spectrum of a Gaussian field, curve to heights, and imperfections.
 
     The spectrum is a table over bands of waves along both axes. It has two parts, for waves whose
     components have equal and opposite signs, so that a lay may have any direction.
@@ -89,6 +99,8 @@ class Population:
     ]
     scores: Curve  # rising normal scores [1]
     heights: Curve  # heights at these scores, rising [um]
+    # heights of each imperfection of the maps above the texture, row by row along x [um]
+    imperfections: Annotated[tuple[Imperfection, ...], Field(max_length=1000)] = ()
 
     @classmethod
     def parse(cls, text: str, source: str) -> Self:
@@ -141,6 +153,9 @@ class Population:
             raise InputError(f"{source}: heights: do not rise")
         if self.bands_x[0] != 0 or self.bands_y[0] != 0:
             raise InputError(f"{source}: bands: do not begin at 0")
+        for imperfection in self.imperfections:
+            if len({len(line) for line in imperfection}) > 1:
+                raise InputError(f"{source}: imperfections: not rectangles of nodes")
 
     @functools.cached_property
     def text(self) -> str:
@@ -163,6 +178,27 @@ class Population:
         dx, dy = self.spacing
         return (round(length_x / dx), round(length_y / dy))
 
+    @functools.cached_property
+    def imperfection_heights(self) -> tuple[Heights, ...]:
+        """Heights of each imperfection above the texture [um], each of shape (nx, ny)."""
+        return tuple(np.array(imperfection) for imperfection in self.imperfections)
+
+    def number_on(self, period: tuple[int, int]) -> float:
+        """Return the mean number of copies of each imperfection on a period.
+
+        Parameters
+        ----------
+        period : tuple of int
+            Nodes along x and y of the period.
+
+        Returns
+        -------
+        float
+            The nodes of the period over those of all maps together.
+        """
+        of_maps = sum(math.prod(source.nodes) for source in self.maps)
+        return math.prod(period) / of_maps
+
     def heights_of(self, scores: Values) -> Heights:
         """Return the heights at normal scores.
 
@@ -176,8 +212,18 @@ class Population:
         ndarray, shape of `scores`
             Heights [um].
         """
-        places, heights = tabulated_curve(self.scores, self.heights)
-        return np.interp(scores, places, heights)
+        _, heights = tabulated_curve(self.scores, self.heights)
+        # The table has equal steps, so that its entries need no search.
+        steps_of_a_score = (TABULATED - 1) / (2 * FURTHEST_SCORE)
+        positions = (scores + FURTHEST_SCORE) * steps_of_a_score
+        np.clip(positions, 0.0, BEFORE_LAST_ENTRY, out=positions)
+        below = positions.astype(np.int32)
+        positions -= below  # share of the step above the entry
+        heights_below = heights.take(below)
+        rises = np.diff(heights).take(below)
+        rises *= positions
+        rises += heights_below
+        return np.asarray(rises)
 
 
 def total_power(densities: Values) -> float:
@@ -313,7 +359,7 @@ def generate_like(
     period: tuple[int, int],
     random: np.random.Generator,
 ) -> Heights:
-    """Generate a surface of a population.
+    """Generate a surface of a population: its texture, and copies of the imperfections.
 
     Parameters
     ----------
@@ -326,7 +372,8 @@ def generate_like(
         at least 4. On every period the Gaussian field has exactly the population's spectrum, the
         mean 0 and the variance 1.
     random : numpy.random.Generator
-        Source of the phases of the waves. The call moves its state.
+        Source of the phases of the waves and of the places of imperfections. The call moves its
+        state.
 
     Returns
     -------
@@ -343,4 +390,34 @@ def generate_like(
     half = (period[0] - 1) // 2
     waves[-half:, 0] = np.conj(waves[half:0:-1, 0])
     field = np.fft.irfft2(waves, s=period)
-    return population.heights_of(field[: shape[0], : shape[1]])
+    heights = population.heights_of(field[: shape[0], : shape[1]])
+    mean_number = population.number_on(period)
+    for imperfection in population.imperfection_heights:
+        number = int(mean_number + random.random())
+        for _ in range(number):
+            place = (int(random.integers(period[0])), int(random.integers(period[1])))
+            _add_imperfection(heights, imperfection, place, period)
+    return heights
+
+
+def _add_imperfection(
+    heights: Heights,
+    imperfection: Heights,
+    place: tuple[int, int],
+    period: tuple[int, int],
+) -> None:
+    """Add an imperfection [um] to heights [um], in place.
+
+    Its first node is at the node `place` of a period with the nodes `period`. The heights are the
+    corner of the period at its first node; what is outside of it is left out.
+    """
+    nodes_x, nodes_y = (
+        (first + np.arange(size)) % size_of_period
+        for first, size, size_of_period in zip(
+            place, imperfection.shape, period, strict=True
+        )
+    )
+    is_inside_x = nodes_x < heights.shape[0]
+    is_inside_y = nodes_y < heights.shape[1]
+    inside = np.ix_(nodes_x[is_inside_x], nodes_y[is_inside_y])
+    heights[inside] += imperfection[np.ix_(is_inside_x, is_inside_y)]

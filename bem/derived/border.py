@@ -142,6 +142,29 @@ class BorderEdges:
     terms: Field
     yielded: Values | None
 
+    def part(self, edges: slice) -> "BorderEdges":
+        """Return some of the edges, whose arrays are views.
+
+        Parameters
+        ----------
+        edges : slice
+            Their places.
+
+        Returns
+        -------
+        BorderEdges
+            The edges.
+        """
+        yielded = None
+        if self.yielded is not None:
+            yielded = self.yielded[edges]
+        return BorderEdges(
+            aligned=self.aligned[edges],
+            slope=self.slope[edges],
+            terms=self.terms[edges],
+            yielded=yielded,
+        )
+
     def row_factors(self) -> Field:
         """Compute the factors of the rows of `WEIGHTS` in the offset of each edge.
 
@@ -259,6 +282,8 @@ def border_edges(
     row = pressure.shape[1] + 2 * RIM  # flat step along the first axis
     # The axis that edges are across, and the flat step from the open node to the contact node.
     ways = ((0, row), (0, -row), (1, 1), (1, -1))
+    inner_of_ways: list[Nodes] = []
+    directions_of_ways: list[_Directions] = []
     for axis, inward in ways:
         # Contact nodes with an edge this way.
         inner = touching[~contact[touching - inward]]
@@ -275,13 +300,26 @@ def border_edges(
             neighbours = np.array([inner + along_edge, inner - along_edge])
             in_line = contact[neighbours] & ~contact[neighbours - inward]
             directions = _by_neighbours(in_line, ratio)
-        yield _edges_between(
-            fields,
-            inner,
-            inward,
-            directions=directions,
-            compliance=compliance * spacing,
-        )
+        inner_of_ways.append(inner)
+        directions_of_ways.append(directions)
+    # The edges of all ways are computed at once, which takes less time on small grids.
+    numbers = [inner.size for inner in inner_of_ways]
+    all_edges = _edges_between(
+        fields,
+        np.concatenate(inner_of_ways),
+        np.repeat([inward for _, inward in ways], numbers),
+        directions=_Directions(
+            aligned=np.concatenate([each.aligned for each in directions_of_ways]),
+            slope=np.concatenate([each.slope for each in directions_of_ways]),
+        ),
+        compliance=np.repeat(
+            [compliance * problem.spacing[axis] for axis, _ in ways], numbers
+        ),
+    )
+    last = 0
+    for number in numbers:
+        first, last = last, last + number
+        yield all_edges.part(slice(first, last))
 
 
 def _on_patch(continued: Mask, shape: tuple[int, ...]) -> Mask:
@@ -386,15 +424,15 @@ def _sources_of_rim(nodes: int, boundary: Boundary) -> Nodes:
 def _edges_between(
     fields: _Continued,
     inner: Nodes,
-    inward: int,
+    inward: Nodes,
     *,
     directions: _Directions,
-    compliance: float,
+    compliance: Values,
 ) -> BorderEdges:
     """Return the edges between contact nodes and the open nodes next to them.
 
-    `inner` has the (e,) flat indices of the contact nodes, and `inward` is the step from an open
-    node to its contact node. `compliance` is kappa h / E* of a border along the edges [um / MPa].
+    `inner`, (e,), has the flat indices of the contact nodes. `inward`, (e,), has the steps from the
+    open nodes to them. `compliance`, (e,), is kappa h / E* of a border along the edges [um / MPa].
     """
     outer = inner - inward
     next_inner = inner + inward

@@ -31,8 +31,8 @@ def coarser(problem: Problem) -> Problem:
     Returns
     -------
     Problem
-        The problem on the coarser grid, with a tolerance of at least `COARSE_RTOL` and the same
-        load.
+        The problem on the coarser grid, with the same load and a tolerance of at least
+        `COARSE_RTOL`, or less where a free patch settles, see `Problem.settlement_ratio`.
     """
     heights = problem.heights
     spacing = list(problem.spacing)
@@ -51,7 +51,7 @@ def coarser(problem: Problem) -> Problem:
         problem,
         heights=heights,
         spacing=(spacing[0], spacing[1]),
-        rtol=max(problem.rtol, COARSE_RTOL),
+        rtol=max(problem.rtol, COARSE_RTOL / problem.settlement_ratio),
         datum=datum,
     )
 

@@ -9,15 +9,16 @@ Errors fall with the square of the spacing on smooth surfaces, and in proportion
 surface touches at creases, such as the ridges of a turned profile.
 
 For two reasons the difference may still be small by chance, and each of them adds parts to the bar.
-The first one is the place of the border within the cells: its parts follow from the number of
-cells' edges at the border over the number of nodes in contact, and from what a single node is of
-them. The second one is the highest node, from which Delta counts: it is below the summit of the
-surface. On a smooth surface the quadric through this node and its neighbours tells by how much. How
-much a higher summit changes the answers at a given Delta follows from the work W that the load has
-done: a force F that grows with the power m of the approach d has W = F d / (m + 1), and W is known
-from pressure and displacement.
+The first one is the place of the border within the cells: its parts follow from the signs of
+`bem.derived.border_signs`, and from what a single node is of all nodes. The second one is the
+highest node, from which Delta counts: it is below the summit of the surface. On a smooth surface
+the quadric through this node and its neighbours tells by how much. How much a higher summit changes
+the answers at a given Delta follows from the work W that the load has done: a force F that grows
+with the power m of the approach d has W = F d / (m + 1), and W is known from pressure and
+displacement.
 
-All parts add in squares. Their weights are fitted, by the answer and by the kind of surface.
+All parts add in squares. Their weights (`bem.derived.bar_weights`) are fitted, by the answer and by
+the kind of surface.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -30,7 +31,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from bem.arrays import Field, Nodes
+from bem.derived.bar_weights import WEIGHTS
+from bem.derived.border_signs import BorderSigns, border_signs
 from bem.derived.coarser import at_coarser_nodes, coarser
+from bem.derived.opened import Opened, opened_between_nodes
 from bem.far_field import BeyondCriticalDelta
 from bem.problem import Boundary, NoSolution, check_solvable
 from bem.threads import computed_once
@@ -39,65 +43,15 @@ if TYPE_CHECKING:
     from bem.contact import Contact
 
 
-@dataclass(frozen=True)
-class Weights:
-    """Weights of the parts of an answer's bar, which add in squares.
-
-    Attributes
-    ----------
-    difference : float
-        Weight of the difference between the answers on both grids [1].
-    border : float
-        Weight of the place of the border: part of the answer for each edge of a cell at the border
-        over the number of nodes in contact, see `GridError.border` [1].
-    yielded : float
-        Weight of the place of the border of yielded spots: part of the answer for
-        `GridError.yielded_border` [1].
-    summit : float
-        Weight of the change of the answer by a higher summit [1].
-    """
-
-    difference: float
-    border: float
-    yielded: float
-    summit: float
-
-
-# Weights of the bars, by the kind of surface and by the answer. They are chosen on 3,300 contacts
-# of waves, spheres, worn, lognormal and turned surfaces, so that 93 to 97 % of the errors of each
-# answer are inside. `python -m bench grid-error` tests them on other surfaces.
-WEIGHTS = {
-    "edgeless": {
-        "area": Weights(difference=0.65, border=0.0085, yielded=0.45, summit=1.5),
-        "delta": Weights(difference=0.5, border=0.0005, yielded=0.15, summit=1.6),
-        "force": Weights(difference=0.5, border=0.0015, yielded=0.4, summit=2.2),
-        "mean_gap": Weights(difference=0.62, border=0.0006, yielded=0.2, summit=1.5),
-        "stiffness": Weights(difference=0.75, border=0.028, yielded=0.45, summit=1.9),
-    },
-    "free": {
-        "area": Weights(difference=1.4, border=0.0105, yielded=0.25, summit=1.5),
-        "delta": Weights(difference=1.2, border=0.001, yielded=0.03, summit=1.6),
-        "force": Weights(difference=1.2, border=0.0025, yielded=0.06, summit=2.2),
-        "mean_gap": Weights(difference=1.5, border=0.0015, yielded=0.05, summit=1.6),
-        "stiffness": Weights(difference=1.0, border=0.016, yielded=0.4, summit=1.9),
-    },
-    "creased": {
-        "area": Weights(difference=1.8, border=0.03, yielded=0.2, summit=1.0),
-        "delta": Weights(difference=1.7, border=0.0005, yielded=0.1, summit=0.8),
-        "force": Weights(difference=1.25, border=0.005, yielded=0.4, summit=0.6),
-        "mean_gap": Weights(difference=1.35, border=0.0055, yielded=0.1, summit=1.0),
-        "stiffness": Weights(difference=0.85, border=0.022, yielded=0.4, summit=0.6),
-    },
-}
-
-# Weight of a single node in the bars, by the answer: part of the answer over the number of nodes in
-# contact, or of open nodes for `OF_OPEN_NODES`. It is the same for all kinds of surface [1].
-OF_A_NODE = {"area": 0.5, "delta": 0.0, "force": 0.0, "mean_gap": 0.8, "stiffness": 4.0}
-
 # Ratio of the mean squares of second differences over two nodes and over one, in contact, below
 # which the surface touches at creases [1]. It is 16 on a smooth surface, 8 at creases, 11.7 where
 # all waves have 8 nodes and 9 where they have 6.
 OF_CREASES = 9.0
+
+# Least error that remains on a free patch without a datum, over the one removed by halving the
+# spacing [1]. The outer cells of the coarser grid reach further there, which adds an error in
+# proportion to the spacing.
+ON_LARGER_CELLS = 1.4
 
 # Largest bar of the area at creases that counts as resolved [area].
 LARGEST_AT_CREASES = 0.05
@@ -174,11 +128,10 @@ class GridError:
         from which Delta counts on every grid [um].
     growth : float
         Share by which a summit of this height makes area and force grow, 0 under a given load [1].
-    border : float
-        Number of cells' edges between contact and gap over the number of nodes in contact [1].
-    yielded_border : float
-        Square root of this number over the number of nodes in contact, times the share of these
-        nodes that has yielded: their border may be anywhere in its cells [1].
+    border : BorderSigns
+        What the border of contact tells of the errors.
+    yielded_share : float
+        Share of the nodes in contact that has yielded [1].
     spare : float
         Share of the area beyond load / hardness, which is the least possible area [1].
     contact : Contact
@@ -194,8 +147,8 @@ class GridError:
     creased: bool
     summit: float
     growth: float
-    border: float
-    yielded_border: float
+    border: BorderSigns
+    yielded_share: float
     spare: float
     contact: Contact = field(repr=False)
     coarse: Contact | None = field(repr=False)
@@ -229,6 +182,7 @@ class GridError:
             lambda contact: percent_per_area * area_within(contact, spacing),
             value=percent,
             at_least=max(least, self._opened.area_percent),
+            by_outer_nodes=percent * self._area_by_outer_nodes,
             by_summit=percent * self.growth,
         )
 
@@ -242,6 +196,7 @@ class GridError:
             lambda contact: contact.delta - contact.problem.datum_height,
             value=self.contact.delta,
             at_least=self._opened.gap,
+            by_work=self.border.work,
             by_summit=self.summit,
         )
 
@@ -254,22 +209,30 @@ class GridError:
             "force",
             lambda contact: contact.force,
             value=self.contact.force,
+            by_outer_nodes=self.contact.force * self.border.outer,
             by_summit=self.contact.force * self.growth,
         )
 
     @computed_once
     def mean_gap(self) -> float:
         """Half-width of the bar of `Contact.mean_gap` [um]."""
+        contact = self.contact
+        by_work = self.border.work
         by_summit = 0.0
-        if self.contact.problem.delta is not None:
+        if contact.problem.delta is not None:
             # A higher summit moves the bodies apart, and the larger force deforms them more.
-            displaced = self.growth * float(self.contact.displacement.mean())
+            displaced = self.growth * float(contact.displacement.mean())
             by_summit = self.summit - displaced
+            if contact.problem.boundary != "free":
+                by_work = 0.0  # without edges the mean gap follows from Delta alone
+        gap_of_open_nodes = contact.mean_gap * contact.pressure.size / self._open_nodes
         return self._bar(
             "mean_gap",
             lambda contact: contact.mean_gap,
-            value=self.contact.mean_gap,
+            value=contact.mean_gap,
             at_least=self._opened.gap,
+            by_outer_nodes=gap_of_open_nodes * self.border.outer,
+            by_work=by_work,
             by_summit=by_summit,
         )
 
@@ -286,13 +249,39 @@ class GridError:
             "stiffness",
             lambda contact: contact.stiffness,
             value=stiffness,
+            by_outer_nodes=stiffness * self.border.outer,
             by_summit=stiffness * self.growth * _steepening(self.contact),
         )
 
+    @property
+    def _least_remaining(self) -> float:
+        """Least of `remaining` that counts for the bars [1]."""
+        problem = self.contact.problem
+        if problem.boundary == "free" and problem.datum is None:
+            return ON_LARGER_CELLS
+        return 1.0
+
+    @property
+    def _open_nodes(self) -> int:
+        """Number of open nodes, at least 1."""
+        return max(self.contact.pressure.size - self.contact.contact_nodes, 1)
+
+    @property
+    def _area_by_outer_nodes(self) -> float:
+        """Share of the area by which the border moves if the outer nodes change the approach.
+
+        They change it in proportion to their share. The border moves by this change over the gap
+        beside it, in nodes.
+        """
+        if self.border.gap == 0:
+            return 0.0
+        moved_by = self.border.outer * self.contact.approach / self.border.gap
+        return self.border.share * moved_by
+
     @computed_once
-    def _opened(self) -> _Opened:
+    def _opened(self) -> Opened:
         """What may open between the nodes of a full contact."""
-        return _opened_between_nodes(self.contact)
+        return opened_between_nodes(self.contact.problem, self.contact.pressure)
 
     def _bar(
         self,
@@ -301,6 +290,8 @@ class GridError:
         *,
         value: float,
         at_least: float = 0.0,
+        by_outer_nodes: float = 0.0,
+        by_work: float = 0.0,
         by_summit: float = 0.0,
     ) -> float:
         """Return the half-width of an answer's bar in its unit, infinite without a coarser contact.
@@ -315,6 +306,10 @@ class GridError:
             The answer itself, of which the place of the border needs a share.
         at_least : float
             Least part of the bar for the place of the border, in the unit of the answer.
+        by_outer_nodes : float
+            Part of the bar for the outer nodes of a free patch, in the unit of the answer.
+        by_work : float
+            Part of the bar for the work of the border, in the unit of the answer.
         by_summit : float
             Part of the bar for the place of the summit, in the unit of the answer.
         """
@@ -322,20 +317,24 @@ class GridError:
             return math.inf
         weights = WEIGHTS[self.kind][name]
         difference = answer(self.contact) - answer(self.coarse)
-        size = self.contact.pressure.size
         few_nodes = max(self.contact.contact_nodes, 1)
         by_border = abs(value)
         if name in OF_OPEN_NODES:
-            few_nodes = max(size - self.contact.contact_nodes, 1)
-            by_border *= size / few_nodes
+            few_nodes = self._open_nodes
+            by_border *= self.contact.pressure.size / few_nodes
         by_node = 0.0
-        if self.border > 0:  # full contact and no contact have none
-            by_node = OF_A_NODE[name] * abs(value) / few_nodes
+        if self.border.share > 0:  # full contact and no contact have none
+            by_node = abs(value) / few_nodes
+        share = self.border.share * math.sqrt(self.contact.problem.elongation)
+        yielded_scatter = self.border.least_scatter * self.yielded_share
         return math.hypot(
-            weights.difference * max(1.0, self.remaining) * difference,
-            max(weights.border * self.border * by_border, at_least),
-            weights.yielded * self.yielded_border * by_border,
-            by_node,
+            weights.difference * max(self._least_remaining, self.remaining) * difference,
+            max(weights.border * share * by_border, at_least),
+            weights.scatter * self.border.scatter * by_border,
+            weights.yielded * yielded_scatter * by_border,
+            weights.outer * by_outer_nodes,
+            weights.work * by_work,
+            weights.node * by_node,
             weights.summit * by_summit,
         )
 
@@ -354,22 +353,6 @@ class _Verdict:
 
     resolved: bool
     reason: str
-
-
-@dataclass(frozen=True)
-class _Opened:
-    """What may open between the nodes of a full contact of elastic bodies without edges.
-
-    Attributes
-    ----------
-    area_percent : float
-        Area that may be open [%].
-    gap : float
-        Mean gap that it may have [um].
-    """
-
-    area_percent: float
-    gap: float
 
 
 def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
@@ -408,8 +391,9 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
     fault = ""
     if coarse is None:
         coarse, fault = _on_half_of_the_nodes(contact, summit)
-    nodes = max(contact.contact_nodes, 1)
-    edges = sum(contact.border_edges)
+    border = border_signs(
+        contact.pressure, contact.gap, problem.heights, problem.boundary
+    )
     yielded = int(np.count_nonzero(contact.yielded))
     # Judging the bars needs the bars, so that the verdicts are filled in afterwards.
     error = GridError(
@@ -420,8 +404,8 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
         creased=creased,
         summit=summit,
         growth=growth,
-        border=edges / nodes,
-        yielded_border=math.sqrt(edges) / nodes * yielded / nodes,
+        border=border,
+        yielded_share=yielded / max(contact.contact_nodes, 1),
         spare=spare,
         contact=contact,
         coarse=coarse,
@@ -473,39 +457,6 @@ def _squared_bends(lines: Field, along: Nodes, across: Nodes, *, distance: int) 
     after = lines[(along + distance) % lines.shape[0], across]
     bend = before + after - 2 * lines[along, across]
     return float(bend @ bend)
-
-
-def _opened_between_nodes(contact: Contact) -> _Opened:
-    """Return what may open between the nodes of a full contact without edges.
-
-    The pressure of a full contact is a sum of waves. Where it is negative between nodes, the
-    surfaces part. A round pit of the pressure opens 1.5 times, a long one twice, the area over
-    which the pressure of full contact is negative. Its gap is at most that of one round crack of
-    the whole open area.
-    """
-    from scipy import fft  # here, because few contacts need it
-
-    problem = contact.problem
-    nodes = problem.heights.shape
-    is_full = contact.contact_nodes == problem.heights.size
-    if not is_full or problem.boundary == "free" or contact.yielded.any():
-        return _Opened(area_percent=0.0, gap=0.0)
-    pressure = contact.pressure
-    for axis in (0, 1):
-        twice = 2 * nodes[axis]
-        lines = np.moveaxis(pressure, axis, -1)
-        if problem.boundary == "periodic":
-            between = fft.irfft(fft.rfft(lines, norm="forward"), twice, norm="forward")
-        else:
-            between = fft.idct(fft.dct(lines, norm="forward"), n=twice, norm="forward")
-        pressure = np.moveaxis(np.asarray(between, dtype=np.float64), -1, axis)
-    # Pressures below zero by rounding alone are no tension.
-    negative = np.minimum(pressure + 1e-12 * contact.pressure.max(), 0.0)
-    share = 2 * float(np.mean(negative < 0))
-    area = math.prod(problem.spacing) * problem.heights.size
-    radius = math.sqrt(share * area / math.pi)
-    gap = 8 / 3 * radius * float(-negative.mean()) / problem.modulus
-    return _Opened(area_percent=100 * min(share, 1.0), gap=gap)
 
 
 def _summit(heights: Field, boundary: Boundary, *, creased: bool) -> float:
@@ -773,18 +724,37 @@ def slope_order_of_lines(lines: tuple[Field, Field], boundary: Boundary) -> floa
             _mean_square_slope(lines_of_axis, distance, periodic=boundary == "periodic")
             for distance in FIRST_PLACE
         ]
-        near = abs(slopes[0] - slopes[1])
-        far = abs(slopes[1] - slopes[2])
-        if max(near, far) > SMOOTH * slopes[0]:
-            orders.append(math.log2(max(far, 1e-300) / max(near, 1e-300)))
+        orders.append(order_of_slopes(*slopes))
     return min(orders, default=math.inf)
+
+
+def order_of_slopes(over_one: float, over_two: float, over_four: float) -> float:
+    """Return the order in the spacing of mean square slopes between nodes.
+
+    Parameters
+    ----------
+    over_one, over_two, over_four : float
+        Mean square slopes over one, two and four spacings, in any unit.
+
+    Returns
+    -------
+    float
+        Order, infinite if the surface is smooth [1].
+    """
+    near = abs(over_one - over_two)
+    far = abs(over_two - over_four)
+    if max(near, far) <= SMOOTH * over_one:
+        return math.inf
+    return math.log2(max(far, 1e-300) / max(near, 1e-300))
 
 
 def _mean_square_slope(lines: Field, distance: int, *, periodic: bool) -> float:
     """Return the mean square slope between nodes at a distance along the first axis [um2/node2]."""
     nodes, columns = lines.shape
     if periodic:
-        rise = np.roll(lines, -distance, axis=0) - lines
+        rise = np.empty_like(lines)
+        np.subtract(lines[distance:], lines[:-distance], out=rise[:-distance])
+        np.subtract(lines[:distance], lines[-distance:], out=rise[-distance:])
     else:
         first = FIRST_PLACE[distance]
         rise = (

@@ -18,13 +18,21 @@ import numpy as np
 from scipy.special import erfinv, expit, logit
 
 import bem
-from bem.accuracy import ANSWERS
+from bem.answers import ANSWERS
 from bem.problem import pose
 from bem.solving import solve_posed
 from bem.threads import on_threads
-from bench.accuracy.surfaces import KINDS, MEASURED, MeasuredMap, Sample, window_of_map
+from bench.accuracy.surfaces import (
+    KINDS,
+    LATER_KINDS,
+    MEASURED,
+    MeasuredMap,
+    Sample,
+    window_of_map,
+)
 from bench.files import Row
 from bench.report import remark
+from gen.arrays import Heights
 from gen.quantities import MEAN_GAP
 from gen.runtime.errors import InputError
 
@@ -144,7 +152,7 @@ def asked_and_got(
     InputError
         If there is no such kind. The kind of measured maps needs maps.
     """
-    known = [*KINDS, MEASURED] if maps else list(KINDS)
+    known = [*KINDS, MEASURED, *LATER_KINDS] if maps else [*KINDS, *LATER_KINDS]
     for kind in kinds:
         if kind not in known:
             raise InputError(f"--kinds {kind}: give some of {', '.join(known)}")
@@ -179,9 +187,12 @@ def _rows_of_contact(maps: Sequence[MeasuredMap], task: tuple[str, int]) -> list
     There are no rows if the drawn load has no solution or brings nothing into contact.
     """
     kind, seed = task
-    names = [*KINDS, MEASURED]
+    names = [*KINDS, MEASURED, *LATER_KINDS]
     random = np.random.default_rng((SEED, names.index(kind), seed))
-    sample = window_of_map(maps, random) if kind == MEASURED else KINDS[kind](random)
+    if kind == MEASURED:
+        sample = window_of_map(maps, random)
+    else:
+        sample = {**KINDS, **LATER_KINDS}[kind](random)
     with on_threads(1):
         try:
             pressed = _pressed(kind, seed, sample, random)
@@ -202,17 +213,19 @@ def _pressed(
     (2001, J. Chem. Phys. 115, 3840).
     """
     heights = sample.heights(sample.nodes)
-    along, across = (float(np.diff(heights, axis=axis).std()) for axis in (0, 1))
-    rms_slope = math.hypot(along, across / sample.aspect) * sample.nodes
     lowest = float(logit(LEAST_SHARE))
     highest = float(logit(MOST_SHARE))
     share = float(expit(random.uniform(lowest, highest)))
-    pressure = rms_slope * float(erfinv(share)) / math.sqrt(2)
+    pressure = _rms_of_full_contact(sample, heights) * math.sqrt(2) * float(erfinv(share))
     hardness = None
     if random.random() < YIELDING:
         hardness = pressure * random.uniform(1.2, 12)
     load = LOADS[int(random.integers(len(LOADS)))]
-    settings: dict[str, Any] = {"boundary": sample.boundary, "hardness": hardness}
+    settings: dict[str, Any] = {
+        "boundary": sample.boundary,
+        "hardness": hardness,
+        "body": sample.body,
+    }
     spacing = (1 / sample.nodes, sample.aspect / sample.nodes)
     problem = pose(heights, 1.0, None, pressure=pressure, spacing=spacing, **settings)
     # With a datum, though it is 0, the cells of all grids cover the same patch.
@@ -251,6 +264,23 @@ def _pressed(
         map_contact=contact,
         exact=solve_posed(replace(exact_problem, datum=datum)),
     )
+
+
+def _rms_of_full_contact(sample: Sample, heights: Heights) -> float:
+    """Return the rms of the pressure that flattens a surface [MPa].
+
+    `heights` are those of the sample's map. On a half-space it is E* times half of the rms slope;
+    on a layer each wave has its own stiffness, and mirror images continue the map.
+    """
+    if sample.body is None:
+        along, across = (float(np.diff(heights, axis=axis).std()) for axis in (0, 1))
+        return math.hypot(along, across / sample.aspect) * sample.nodes / 2
+    along_both = np.concatenate([heights, heights[::-1]])
+    mirrored = np.concatenate([along_both, along_both[:, ::-1]], axis=1)
+    waves = np.abs(np.fft.fft2(mirrored, norm="forward")).ravel()[1:]
+    numbers = np.pi * np.fft.fftfreq(2 * sample.nodes, 1 / (2 * sample.nodes))
+    wave_numbers = np.hypot.outer(numbers, numbers / sample.aspect).ravel()[1:]
+    return float(np.linalg.norm(waves * sample.body.stiffness(wave_numbers)))
 
 
 def _rows_of_map(pressed: _Pressed) -> list[Row]:

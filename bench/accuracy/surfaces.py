@@ -1,4 +1,4 @@
-"""Surfaces of twenty kinds for the report `accuracy`, each known between the nodes of its map.
+"""Surfaces of twenty-one kinds for the report `accuracy`, each known between the nodes of its map.
 
 A surface is a function of places, so that it can be read on any grid: on the map that a user would
 have, and on the finer grid that gives the true answers. Its random numbers have seeds of their own.
@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import gaussian_filter
 
+from bem import HalfSpace, Layered
 from bem.problem import Boundary
 from bench.made_maps import KINDS as MACHINED
 from bench.made_maps import MadeMap
@@ -55,6 +56,15 @@ MARGIN = 4
 SPIKE = 6.0
 """Bound of spikes in measured maps, as of `--despike` [1]."""
 
+MOST_LAYER_RATIO = 100.0
+"""Largest modulus of a layer over that of its base, and of the base over that of the layer [1]."""
+
+LAYER_THICKNESSES = 0.3, 30.0
+"""Smallest and largest thickness of a layer [shortest wave]."""
+
+RIGID = 0.15
+"""Share of the layers whose base is rigid [1]."""
+
 GAUSSIAN = math.sqrt(math.log(2) / 2) / math.pi
 """Standard deviation of a Gaussian filter over its cut-off wavelength (ISO 16610-61) [1]."""
 
@@ -72,6 +82,8 @@ class Sample:
     aspect: float = 1.0  # spacing along y over that along x [1]
     finer: int = FINER  # wanted spacing of the map over that of the exact grid
     has_limit: bool = True  # whether the area has a limit on finer and finer grids
+    # Body with a layer of the modulus E* = 1 MPa [side]; None for a half-space of this modulus.
+    body: Layered | None = None
 
     @property
     def exact_nodes(self) -> int:
@@ -367,6 +379,21 @@ def _oblong(random: np.random.Generator) -> Sample:
     return Sample(base.boundary, base.surface, base.nodes, base.nodes_in_wave, aspect)
 
 
+def _layers(random: np.random.Generator) -> Sample:
+    """Draw self-affine waves on a layer, which is harder or softer than its base."""
+    base = _rough(random)
+    thinnest, thickest = LAYER_THICKNESSES
+    thickness = math.exp(random.uniform(math.log(thinnest), math.log(thickest)))
+    thickness *= base.nodes_in_wave / base.nodes  # [side]
+    ratio = MOST_LAYER_RATIO ** random.uniform(-1, 1)
+    poisson = random.uniform(0, 0.5)
+    below = HalfSpace(1 / ratio)
+    body = Layered(thickness, 1 - poisson**2, poisson, below)
+    if random.random() < RIGID:
+        body = replace(body, base="rigid")
+    return replace(base, body=body)
+
+
 def _machined(random: np.random.Generator) -> Sample:
     """Draw a window of a made map of a machined surface.
 
@@ -533,3 +560,6 @@ KINDS: Mapping[str, Draw] = {
 
 MEASURED = "measured maps"
 """Name of the kind whose samples are windows of a user's maps."""
+
+LATER_KINDS: Mapping[str, Draw] = {"layers": _layers}
+"""Further kinds. Their seeds come after those of the measured maps, which were there before."""

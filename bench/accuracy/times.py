@@ -43,8 +43,38 @@ PRESSURE = 0.05 * SLOPE
 HURST = (0.8, 0.4)
 """Hurst exponents, which take turns from surface to surface [1]."""
 
-IN_WAVE = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+IN_WAVE = (
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    10,
+    12,
+    14,
+    16,
+    20,
+    24,
+    28,
+    32,
+    36,
+    40,
+    48,
+    56,
+    64,
+    80,
+    96,
+    128,
+)
 """Nodes in the shortest wave of the grids of the other solvers."""
+
+LEAST_MEASURED = 0.01
+"""Relative error of the area within which the other solvers take no finer grid [1].
+
+Smaller errors are extrapolated.
+"""
 
 MAP_IN_WAVE = 32
 """Nodes in the shortest wave of the map on which our way, and all defaults, are timed."""
@@ -199,7 +229,8 @@ def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]
     -------
     list of Row
         Rows for each way and surface. Column `row` is "grid" for each grid that was solved,
-        "default" for the map with default settings, and, for each error of `ERRORS` and other
+        "default" for the map with default settings (of other solvers, on the first surface of each
+        number of waves), and, for each error of `ERRORS` and other
         solver, "measured" or "extrapolated" for the coarsest grid within the error. Column
         `within_percent` has this error, for our way the error that was asked for, and None in all
         other rows.
@@ -225,16 +256,20 @@ def _rows_of_surface(rough: Rough, peers: Sequence[Solver], largest: int) -> lis
     others = [_Peer(rough, solver) for solver in peers]
     ours.take_turn()
     for in_wave in IN_WAVE:
+        if all(peer.is_done for peer in others):
+            break
         if COARSEST <= in_wave * rough.waves <= largest:
             grid = _Grid.solved(rough, in_wave)
             for peer in others:
                 peer.take_grid(grid)
             ours.take_turn()
     rows = ours.rows()
-    map_grid = _Grid.solved(rough, MAP_IN_WAVE)
     for peer in others:
         rows += peer.rows(ours)
-        rows += peer.default_rows(map_grid, ours)
+    if rough.number == 0:
+        map_grid = _Grid.solved(rough, MAP_IN_WAVE)
+        for peer in others:
+            rows += peer.default_rows(map_grid, ours)
     return rows
 
 
@@ -374,11 +409,18 @@ class _Peer:
         self._ladder = list(PERIODIC_LADDER)  # tolerances that are left to try
         self._solved: list[Solved] = []  # by rising nodes
 
+    @property
+    def is_done(self) -> bool:
+        """Whether a solved grid is within `LEAST_MEASURED`."""
+        return any(abs(solved.error) <= LEAST_MEASURED for solved in self._solved)
+
     def take_grid(self, grid: _Grid) -> None:
         """Find the tolerance on a grid, time the solver, and keep the time.
 
-        Keep nothing if the solver fails or no tolerance is sufficient.
+        Keep nothing if the solver fails, no tolerance is sufficient, or a coarser grid suffices.
         """
+        if self.is_done:
+            return
         while self._ladder:
             try:
                 solved = self._solve(grid, self._ladder[0])
@@ -453,8 +495,9 @@ class _Peer:
 def extrapolated(solved: Sequence[Solved], within: float) -> Solved:
     """Extrapolate the nodes and the time that a count needs to be within an error.
 
-    The error of a count is proportional to the spacing. The time grows with a power of the nodes a
-    side, which is fitted to the last `FITTED` grids and kept between 2 (time proportional to the
+    The error of a count is proportional to the spacing, by a factor that is the median over the
+    last `FITTED` grids. The time grows with a power of the nodes a
+    side, which is fitted to these grids and kept between 2 (time proportional to the
     number of all nodes) and 3.
 
     Parameters
@@ -477,7 +520,8 @@ def extrapolated(solved: Sequence[Solved], within: float) -> Solved:
         deg=1,
     )
     power = min(max(float(power), 2.0), 3.0)
-    nodes = math.ceil(last.nodes * abs(last.error) / within)
+    error_by_nodes = median(grid.nodes * abs(grid.error) for grid in of_fit)
+    nodes = max(math.ceil(error_by_nodes / within), last.nodes)
     seconds = last.seconds * (nodes / last.nodes) ** power
     return Solved(nodes, seconds, math.copysign(within, last.error), last.tolerance)
 

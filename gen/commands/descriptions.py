@@ -1,15 +1,16 @@
-"""The reports of `gen describe`: one map in full, or several maps with a row for each."""
+"""The reports of `gen describe`: one map in full, a row for each of several, or joined scans."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gen.runtime.documents import Row, write_csv
 from gen.runtime.errors import InputError
 from gen.runtime.figure import figure_for
 from gen.runtime.files import Output, check_outputs
+from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from pathlib import Path
@@ -69,11 +70,75 @@ class DescribedMap:
     nodes_per_wave: float  # nodes in the shortest wave; NaN if there is no wave
 
     @property
+    def roughness(self) -> Roughness:
+        """The numbers that are compared with those after other steps of a preparation."""
+        from gen.statistics import rms_slope
+
+        heights = self.topography.heights
+        return Roughness(
+            rms_height=float(heights.std()),
+            rms_slope=rms_slope(heights, self.topography.spacing),
+            fit=self.fit,
+        )
+
+    @property
     def is_directional(self) -> bool:
         """Whether the map has a lay (grooves in one direction), so that its profiles differ."""
         from gen.maps.texture import lay_of
 
         return bool(lay_of(self.topography, self.areal.values["Str"]))
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """The roughness of a map after some steps of a preparation."""
+
+    rms_height: float  # [um]
+    rms_slope: float  # [1]
+    fit: SelfAffineFit | str  # the self-affine law, or the reason why none fits
+
+    @property
+    def decades(self) -> float:
+        """Decades of wavelengths over which the self-affine law holds, 0 without a law."""
+        if isinstance(self.fit, str):
+            return 0.0
+        return self.fit.decades
+
+    @property
+    def law(self) -> str:
+        """The self-affine law in words."""
+        if isinstance(self.fit, str):
+            return "no self-affine law"
+        hurst = self.fit.spectrum.hurst
+        return f"a self-affine law over {self.decades:.2g} decades (Hurst {hurst:.2f})"
+
+    def changes_of(self, other: Roughness) -> list[str]:
+        """Say which numbers of another roughness differ.
+
+        Parameters
+        ----------
+        other : Roughness
+            Roughness of the same map after other steps.
+
+        Returns
+        -------
+        list of str
+            A few words for each number that differs by more than a few per cent.
+        """
+        from gen.maps.prepare import is_changed
+
+        changes = []
+        if is_changed(self.rms_height, other.rms_height):
+            changes.append(
+                f"rms height {other.rms_height:.3g} um instead of {self.rms_height:.3g}"
+            )
+        if is_changed(self.rms_slope, other.rms_slope):
+            changes.append(
+                f"rms slope {other.rms_slope:.3g} instead of {self.rms_slope:.3g}"
+            )
+        if is_changed(self.decades, other.decades):
+            changes.append(f"{other.law} instead of {self.law}")
+        return changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +187,41 @@ class DescriptionOrder:
             fit=texture.fit_self_affine(topography, spectrum, aspect),
             nodes_per_wave=texture.nodes_a_wave(spectrum, topography.spacing),
         )
+
+    def effect_of_needed_steps(self, file: Path, described: DescribedMap) -> str:
+        """Say what the steps of `--prepare` would change in the description of a map.
+
+        Parameters
+        ----------
+        file : Path
+            File of the map.
+        described : DescribedMap
+            The map with the steps that the user has given, from `describe`.
+
+        Returns
+        -------
+        str
+            A sentence with the steps and the numbers that they change; "" if they hardly change
+            anything, or there is a second body.
+
+        Raises
+        ------
+        InputError
+            If the map cannot be prepared by these steps.
+        """
+        from gen.maps.prepare import needed_steps
+        from gen.maps.read import read
+
+        if self.opposite is not None:
+            return ""
+        steps = needed_steps(read(file, self.reading, self.boundary), self.reading)
+        if steps == self.reading:
+            return ""
+        prepared = replace(self, reading=steps).describe(file)
+        changes = described.roughness.changes_of(prepared.roughness)
+        if not changes:
+            return ""
+        return f"with --prepare ({steps.options_of_steps}): {', '.join(changes)}"
 
     def row(self, described: DescribedMap) -> Row:
         """Put all numbers of a map into a row of a table.
@@ -225,6 +325,9 @@ def describe_one(order: DescriptionOrder, surface: Path, files: DescriptionFiles
     if described.is_directional:
         printer.print_profiles(texture.profile_roughness(described.topography))
     printer.print_spectrum(described.fit, described.nodes_per_wave)
+    effect = order.effect_of_needed_steps(surface, described)
+    if effect:
+        echo(effect)
     has_spectrum = described.spectrum.wavenumbers.size > 0
     # Without a spectrum no law is fitted, so that `fit` is the reason.
     if files.spectrum is not None and not has_spectrum:
@@ -311,3 +414,49 @@ def describe_several(
             units=units,
             left_out=collected.left_out,
         )
+
+
+def describe_joined(
+    order: DescriptionOrder, inputs: Sequence[Path], files: DescriptionFiles
+) -> None:
+    """Join the spectra of scans of one surface, print their ranges and the law, and write files.
+
+    The preparation of each scan and all warnings are printed on standard error.
+
+    Parameters
+    ----------
+    order : DescriptionOrder
+        How the scans are read and prepared.
+    inputs : sequence of Path
+        Files and folders of scans.
+    files : DescriptionFiles
+        Files to write: the spectrum and the picture.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two scans, a scan cannot be used, or a file cannot be written.
+    """
+    from gen.commands import printer
+    from gen.maps import joining, pictures, several
+    from gen.maps.bodies import read_surface
+
+    figure = figure_for(files.picture, width=8.0, height=6.0)
+    paths = several.files_of(inputs)
+    if len(paths) < 2:
+        raise InputError(
+            f"--join {' '.join(map(str, paths))}: give two or more scans of one surface"
+        )
+    topographies = []
+    for path in paths:
+        topography, warnings = read_surface(path, order.reading, order.boundary)
+        printer.print_preparation_in_line(topography, warnings)
+        topographies.append(topography)
+    joined = joining.join(topographies)
+    for warning in joined.warnings:
+        echo(f"warning: {warning}", err=True)
+    printer.print_joined(joined)
+    if files.spectrum is not None:
+        write_csv(files.spectrum, joined.rows())
+    if files.picture is not None:
+        pictures.plot_joined(figure, joined, files.picture)

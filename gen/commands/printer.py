@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.database.reader import Counts
     from gen.maps.answers import Answer
     from gen.maps.contacts import SolvedLoads
+    from gen.maps.joining import JoinedSpectrum
     from gen.maps.read import Topography
     from gen.maps.texture import ProfileRoughness, SelfAffineFit
     from gen.material import Bodies
@@ -43,7 +44,7 @@ MAPS = {"found": "map", "against_found": "the second body's map"}
 Each of these maps is printed in a separate line.
 """
 
-LEVELLING_STEPS = frozenset(("level plane", "level quadratic", "form"))
+LEVELLING_STEPS = frozenset(("level plane", "level quadratic", "level lines", "form"))
 """Steps of a preparation that remove the tilt of a map."""
 
 
@@ -380,6 +381,47 @@ def print_spectrum(fit: SelfAffineFit | str, nodes_per_wave: float) -> None:
     if nodes_per_wave >= WELL_RESOLVED:
         meaning = "nodes: enough for the area of contact in the continuum to 1 %"
     print_columns([("shortest wave", f"{nodes_per_wave:.2g}", meaning)])
+
+
+def print_joined(joined: JoinedSpectrum) -> None:
+    """Print the scans of a joined spectrum with the waves that they know, and its law."""
+    from gen.maps.read import spacing_text
+    from gen.statistics import rms_slope
+
+    rows = []
+    for scan in joined.scans:
+        topography = scan.topography
+        nx, ny = topography.heights.shape
+        waves = scan.range
+        slope = rms_slope(topography.heights, topography.spacing)
+        rows.append(
+            (
+                topography.name,
+                f"{nx} x {ny}",
+                spacing_text(topography.spacing, 4),
+                f"{waves.longest:.4g} to {waves.shortest:.4g}",
+                waves.limit,
+                f"{topography.heights.std():.4g}",
+                f"{slope:.4g}",
+            )
+        )
+    titles = (
+        "scan",
+        "nodes",
+        "spacing um",
+        "known waves um",
+        "limit",
+        "rms height um",
+        "rms slope",
+    )
+    print_columns(rows, titles, right=set(titles[1:]) - {"limit"})
+    first = 2 * math.pi / joined.spectrum.edges[0, 0]
+    last = 2 * math.pi / joined.spectrum.edges[-1, 1]
+    echo(
+        f"joined spectrum of waves of {first:.4g} to {last:.4g} um: rms height"
+        f" {joined.rms_height:.4g} um, rms slope {joined.rms_slope:.4g}"
+    )
+    print_spectrum(joined.fit, nodes_per_wave=math.nan)
 
 
 def _print_law(fit: SelfAffineFit) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 from gen import options
-from gen.maps.settings import FileReading, Reading
+from gen.maps.settings import Reading, SceneReading
 from gen.material import Bodies, Friction, Gas, Layer, require_within, shear_shares
 from gen.runtime.command_line import Trust, grouped, recorded_command_line
 from gen.runtime.errors import InputError
@@ -31,6 +31,7 @@ def describe(
     facing: options.Against,
     boundary: options.Boundary = "free",
     depth: options.Depth = None,
+    join: options.Join = False,
     table: options.Table = None,
     json: options.Json = None,
     spectrum: options.SpectrumTable = None,
@@ -40,10 +41,14 @@ def describe(
 
     For several files or folders a row is printed for each map, then the mean and the standard
     deviation. A map that cannot be read is named and left out.
+
+    With --join several scans of one surface at different magnifications give one spectrum: the
+    waves that each scan knows are printed, and the self-affine law of all.
     """
     from gen.commands.descriptions import (
         DescriptionFiles,
         DescriptionOrder,
+        describe_joined,
         describe_one,
         describe_several,
     )
@@ -63,7 +68,10 @@ def describe(
         opposite=facing.second_body(reading),
         depth=depth,
     )
-    if several.are_several(surfaces):
+    if join:
+        options.refuse(context, options.NOT_WITH_JOIN, "--join")
+        describe_joined(order, surfaces, files)
+    elif several.are_several(surfaces):
         describe_several(order, surfaces, files)
     else:
         describe_one(order, surfaces[0], files)
@@ -142,6 +150,7 @@ def contact(
 
     load = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     _require_flattened_heights(flattened, material)
+    bodies = _bodies(context, material, layer)
     conductivities = _conductivities(conductivity)
     friction = shear.friction_of(material)
     slip_shares = _slip_shares(shares, friction)
@@ -162,9 +171,6 @@ def contact(
         command=recorded_command_line(context, "gen"),
     )
     files.check(_input_files(surfaces, facing))
-    bodies = _bodies(material, layer)
-    if bodies.layered is not None:
-        options.refuse(context, options.NOT_WITH_LAYER, "--layer-thickness")
     order = PressingOrder(
         reading=reading,
         boundary=boundary,
@@ -183,7 +189,7 @@ def contact(
         ),
         bodies=bodies,
         settings={
-            **_elastic_settings(bodies),
+            **bodies.elastic_settings,
             "hardness": bodies.hardness,
             **settings,
         },
@@ -209,19 +215,18 @@ def _conductivities(values: Sequence[float] | None) -> tuple[float, float] | Non
     return require_conductivities(values)
 
 
-def _bodies(material: options.Material, layer: options.Layer) -> Bodies:
-    """Return the bodies of the options; raise InputError if the options do not go together."""
+def _bodies(
+    context: typer.Context, material: options.Material, layer: options.Layer
+) -> Bodies:
+    """Return the bodies of the options; raise InputError if the options do not go together.
+
+    With a layer, other options of the command may be refused.
+    """
     bonded = Layer.of(*layer)
     if bonded is None:
         return Bodies.of(*material)
+    options.refuse(context, options.NOT_WITH_LAYER, "--layer-thickness")
     return Bodies.with_layer(bonded, *material)
-
-
-def _elastic_settings(bodies: Bodies) -> dict[str, Any]:
-    """Return the arguments of `bem.solve` about the elastic material of bodies."""
-    if bodies.layered is None:
-        return {"modulus": bodies.e_star}
-    return {"body": bodies.layered.body}
 
 
 def _slip_shares(text: str, friction: Friction | None) -> tuple[float, ...]:
@@ -290,6 +295,8 @@ def law(
     delta: options.Delta = "",
     pressure: options.Pressure = "",
     material: options.Material,
+    layer: options.Layer,
+    layer_in: options.LayerIn = "mesh",
     conductivity: options.Conductivity = None,
     shear: options.Shear,
     at_pressure: options.AtPressure = None,
@@ -316,6 +323,9 @@ def law(
     The patch is a piece of a larger interface, continued by its mirror images. The closure is
     therefore that of the interface alone: a mesh adds it to the deformation of the bodies.
 
+    With --layer-thickness the first elastic body has a layer; --young and --poisson are those of
+    what it lies on. Mesh the layer, or give --layer-in law.
+
     With --error each load of each surface is solved on fewer nodes, as many as the error needs, and
     the files say which errors were asked for and are met.
 
@@ -334,7 +344,7 @@ def law(
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = figure_for(files.picture, width=12.0, height=7.0)
-    bodies = Bodies.of(*material)
+    bodies = _bodies(context, material, layer)
     # Poisson's ratio alone states a material too, with a modulus of 1 MPa.
     states_modulus = bodies.has_modulus or material.poisson
     order = Order(
@@ -345,6 +355,8 @@ def law(
         level=band,
         e_star=bodies.e_star if states_modulus else None,
         hardness=bodies.hardness,
+        layered=bodies.layered,
+        layer_in=layer_in,
         boundary=boundary,
         conductivities=_conductivities(conductivity),
         gas=_gas(gas_conductivity, jump_distance),
@@ -415,14 +427,21 @@ def scene(
     output: options.NewScene,
     like: options.Like = None,
     generator: options.LikeGenerator = "",
+    join: options.Join = False,
     material: options.Material,
-    reading: FileReading,
+    reading: SceneReading,
 ) -> None:
     """Examine measured maps and write a scene of their windows, or of surfaces like them.
 
     With --like, the map and ten surfaces are pressed under three pressures. If area and mean gap
     are those of the map, the surfaces are taken: those of its self-affine law if it has one,
     otherwise surfaces with its own spectrum and heights. If not, windows of the map are.
+
+    With --join the maps of --like are scans of one surface at different magnifications. The
+    surfaces have their joined spectrum and the spacing of the finest scan.
+
+    Maps are despiked, levelled and filled as they need it, and --despike and --level overrule these
+    steps. Other commands take the same steps with --prepare.
 
     Comments in the scene give the reasons for its values. The scene can be run as it is, and is
     meant to be edited.
@@ -433,8 +452,9 @@ def scene(
         inputs=inputs or [],
         like=like or [],
         output=output,
-        reading=Reading(**vars(reading)),  # with the defaults for all preparation
+        reading=Reading(**vars(reading)),
         bodies=Bodies.of(*material),
         command=recorded_command_line(context, "gen"),
         generator=generator,
+        join=join,
     )

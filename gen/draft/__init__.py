@@ -2,8 +2,9 @@
 
 `gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
 the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
-population to maps of one kind, from their spectra by `gen.draft.bands`. `gen.draft.judge` compares
-surfaces with a map by the contact, and `gen.draft.writing` writes the scene.
+population to maps of one kind, from their spectra by `gen.draft.bands` and without the pits and
+dust of `gen.draft.imperfections`. `gen.draft.judge` compares surfaces with a map by the contact,
+and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
@@ -13,21 +14,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from gen.arrays import Heights
 from gen.draft.judge import Judgement, judge_surfaces, print_judgement
 from gen.draft.likeness import NODES as LAW_NODES
 from gen.draft.likeness import NoLaw, propose_like
-from gen.draft.populations import LikeMaps, propose_population
+from gen.draft.populations import LikeMaps, propose_joined, propose_population
 from gen.draft.proposal import propose
 from gen.draft.survey import MapSurvey, print_surveys
 from gen.draft.writing import (
-    preparation_options,
     require_new,
     scene_like,
     scene_of_population,
     scene_of_windows,
     write,
 )
+from gen.maps.filters import fitted_polynomial
 from gen.maps.library import map_files
 from gen.maps.settings import Reading
 from gen.material import Bodies
@@ -61,6 +64,7 @@ class _Order:
     bodies: Bodies  # material of the contact
     command: str  # the command line, which a comment of the scene quotes
     generator: str  # generator of surfaces like maps; "" to choose it by the contact
+    join: bool  # whether the maps are scans of one surface at different magnifications
 
 
 def draft(
@@ -71,6 +75,8 @@ def draft(
     bodies: Bodies,
     command: str,
     generator: str = "",
+    *,
+    join: bool = False,
 ) -> None:
     """Write a scene for maps; print a table of the maps, warnings, and what has been written.
 
@@ -85,13 +91,16 @@ def draft(
     output : Path
         The file to write the scene to, which must not exist.
     reading : Reading
-        Unit, lengths and channel for files that do not determine them.
+        Unit, lengths and channel for files that do not determine them, and steps of the
+        preparation that are not to be chosen for the maps.
     bodies : Bodies
         Material of the contact.
     command : str
         The command line, which a comment of the scene quotes.
     generator : {"", "spectral", "like"}
         Generator of surfaces like the maps; by default it is chosen by the contact.
+    join : bool, optional
+        Whether the maps `like` are scans of one surface at different magnifications.
 
     Raises
     ------
@@ -111,6 +120,11 @@ def draft(
             f"--generator {generator!r}: give spectral (a self-affine law) or like (the map's own"
             " spectrum)"
         )
+    if join and (len(like) < 2 or generator == "spectral"):
+        raise InputError(
+            "--join: give two or more --like, scans of one surface at different magnifications,"
+            " and no --generator spectral"
+        )
     if generator == "spectral" and len(like) > 1:
         raise InputError(
             "--generator spectral: a law is that of one map; give one --like"
@@ -123,6 +137,7 @@ def draft(
         bodies=bodies,
         command=command,
         generator=generator,
+        join=join,
     )
     drafted = _draft_like(order, like) if like else _draft_windows(order, inputs)
     for warning in _warnings(drafted):
@@ -138,13 +153,15 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
     windows of the maps. A generator that the user wants is taken whatever the verdict is.
     """
     _require_new_population(order.output)
+    if order.join:
+        return _draft_joined(order, paths)
     if len(paths) == 1 and order.generator != "like":
         drafted = _draft_law(order, paths[0])
         if drafted is not None:
             return drafted
     like = propose_population(paths, order.reading)
     print_surveys(like.surveys)
-    _print_preparation(like)
+    _print_preparation(like.reading, like.surveys)
     judgements = _judged_population(order, like)
     verdicts = [judgement.verdict for judgement in judgements]
     if "not of its kind" in verdicts and not order.generator:
@@ -158,6 +175,47 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
         faults = [judgement.sentence for judgement in judgements]
         return replace(drafted, remarks=[*drafted.remarks, *faults])
     return drafted
+
+
+def _draft_joined(order: _Order, paths: Sequence[Path]) -> Draft:
+    """Write a scene of surfaces with the joined spectrum of scans, and return it.
+
+    The scan with the shortest waves is the judge, whatever its verdict is.
+    """
+    like = propose_joined(paths, order.reading)
+    print_surveys(like.surveys)
+    _print_preparation(like.reading, like.surveys)
+    if like.joined is not None:
+        for scan in like.joined.scans:
+            waves = scan.range
+            echo(
+                f"{Path(scan.name).name}: waves of {waves.longest:.4g} to"
+                f" {waves.shortest:.4g} um (limit: {waves.limit})"
+            )
+    [finest] = like.maps
+    topography = finest.topography
+    judgement = judge_surfaces(
+        topography.heights,
+        topography.spacing,
+        partial(_levelled_surface, like.population),
+        order.bodies,
+        like.nodes,
+    )
+    name = Path(topography.name).name
+    print_judgement(judgement, f"levelled surfaces with the joined spectrum and {name}")
+    drafted = _draft_population(order, like)
+    if judgement.verdict == "of its kind":
+        return drafted
+    return replace(drafted, remarks=[*drafted.remarks, judgement.sentence])
+
+
+def _levelled_surface(
+    population: Population, shape: tuple[int, int], random: Random
+) -> Heights:
+    """Make a surface [um] with the nodes `shape`, less its mean plane, as a scan is levelled."""
+    nx, ny = (max(pair) for pair in zip(shape, population.nodes, strict=True))
+    surface = generate_like(population, shape, (nx, ny), random)
+    return np.asarray(surface - fitted_polynomial(surface, degree=1))
 
 
 def _judged_population(order: _Order, like: LikeMaps) -> list[Judgement]:
@@ -192,10 +250,13 @@ def _surface_like(
     return scale * generate_like(population, shape, (nx, ny), random)
 
 
-def _print_preparation(like: LikeMaps) -> None:
-    """Print how the maps were prepared, in options that `gen describe` takes too."""
-    options = preparation_options(like.reading)
+def _print_preparation(reading: Reading, surveys: Sequence[MapSurvey]) -> None:
+    """Print how maps were prepared, as options of `gen describe`, and what it changes."""
+    options = reading.options_of_steps
     echo(f"prepared by {options}; give these to gen describe for the same numbers")
+    for survey in surveys:
+        if survey.effect:
+            echo(f"{survey.path.name}: {survey.effect}")
 
 
 def _draft_law(order: _Order, path: Path) -> Draft | None:
@@ -228,6 +289,7 @@ def _draft_law(order: _Order, path: Path) -> Draft | None:
         echo("surfaces get the spectrum of the map itself (--generator spectral insists)")
         return None
     print_surveys([likeness.survey])
+    _print_preparation(likeness.reading, [likeness.survey])
     text = scene_like(likeness, order.bodies, order.command, order.output)
     scene = write(order.output, text)
     doubt = likeness.doubt
@@ -265,7 +327,11 @@ def _draft_population(order: _Order, like: LikeMaps) -> Draft:
     with atomic(population_file, replace=False) as file:
         file.write(like.population.text.encode())
     scene = write(output, text)
-    echo(f"wrote {population_file}: the spectrum in bands and the quantiles of heights")
+    imperfections = len(like.population.imperfections)
+    echo(
+        f"wrote {population_file}: the spectrum in bands, the quantiles of heights, and the"
+        f" imperfections of the maps, of which there are {imperfections or 'none'}"
+    )
     names = ", ".join(survey.path.name for survey in like.surveys)
     return Draft(
         scene=scene,
@@ -282,6 +348,7 @@ def _draft_windows(order: _Order, inputs: Sequence[str]) -> Draft:
     with RunProgress(2 * len(paths), noun="readings") as progress:
         proposal = propose(paths, order.reading, advance=lambda: progress.advance(rows=1))
     print_surveys(proposal.surveys)
+    _print_preparation(proposal.reading, proposal.surveys)
     text = scene_of_windows(proposal, order.bodies, inputs, order.command, order.output)
     scene = write(order.output, text)
     summary = (

@@ -99,8 +99,8 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     path : Path
         File of the map.
     reading : Reading
-        Unit, lengths and channel, if the file does not determine them. The steps of the preparation
-        are chosen for the map, whatever `reading` holds.
+        Unit, lengths and channel, if the file does not determine them. Steps of the preparation
+        that it lacks are chosen for the map.
 
     Returns
     -------
@@ -172,6 +172,10 @@ def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
     if isinstance(fit, str):  # the reason why no law fits
+        if stretch != 1.0:
+            fit += (
+                f" (lengths along x divided by {stretch:.3g}, because the map has a lay)"
+            )
         raise NoLaw(f"{path}: no self-affine law fits it: {fit}")
     return fit
 

@@ -1,11 +1,12 @@
-"""Fit a population to maps: its spectrum and its distribution of heights.
+"""Fit a population to maps: its spectrum, its distribution of heights, and its imperfections.
 
-The surfaces are translation fields, see `gen.population`. Three things are fitted, in this order:
+Imperfections of the maps are separated first, see `gen.draft.imperfections`. What is left is the
+texture, to which a translation field is fitted, see `gen.population`, in this order:
 
-- The curve from normal scores to heights, from the maps' quantiles. It is smooth: a curve through
-  all heights of a map would add noise to the short waves.
-- The wanted spectrum of the surfaces. It is that of the maps in bands, with corrections until rms
-  height, rms slopes along both axes and rms curvature are those of the maps.
+- The curve from normal scores to heights, from the quantiles of the texture. It is smooth: a curve
+  through all heights would add noise to the short waves.
+- The wanted spectrum of the surfaces. It is that of the texture in bands, with corrections until
+  rms height, rms slopes along both axes and rms curvature are those of the texture.
 - The spectrum of the Gaussian field. The Hermite polynomials of the curve tell how it distorts the
   autocorrelation of the field [1]_, so that the spectrum of the surfaces is known without making
   one. In each round the field's spectrum is multiplied in each band by a power of the ratio of the
@@ -34,17 +35,23 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.draft.bands import (
+    MOST_OF_A_ROUND,
     BandSpectrum,
     WaveBands,
     WaveGrid,
     leaked,
+    log_means,
     periodogram,
     smoothed,
+    with_means,
 )
+from gen.draft.imperfections import SeparatedMap, separate_imperfections
+from gen.draft.joined import join_in_bands
 from gen.draft.likeness import rounded
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.filters import is_same
+from gen.maps.joining import JoinedSpectrum, join
 from gen.maps.read import Topography, spacing_text
 from gen.maps.settings import Reading
 from gen.maps.texture import nodes_a_wave, radial_spectrum
@@ -77,10 +84,7 @@ MOST_DIRECTIONAL = 6.0  # largest exponent of a factor that differs along x and 
 
 TERMS = 64  # number of Hermite polynomials of the curve of heights
 ROUNDS = 20  # number of corrections of the Gaussian field's spectrum
-# number of corrections by which an interpolated spectrum gets the means of its bands
-ROUNDS_OF_MEANS = 6
 STEP = 0.7  # exponent of a correction
-MOST_OF_A_ROUND = 2.0  # largest change of a logarithm in one correction
 ROUNDS_OF_ROUGHNESS = (
     3  # number of corrections of the wanted spectrum by the maps' roughness
 )
@@ -156,6 +160,8 @@ class LikeMaps:
     maps: list[FittedMap]
     population: Population
     nodes: int  # nodes along each side of the surfaces of a scene
+    # the joined spectrum of scans of one surface; None for maps of one kind
+    joined: JoinedSpectrum | None = None
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -178,8 +184,8 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     paths : sequence of Path
         Files of the maps, at least one.
     reading : Reading
-        Unit, lengths and channel, if the files do not determine them. The steps of the preparation
-        are chosen for the maps, whatever `reading` holds.
+        Unit, lengths and channel, if the files do not determine them. Steps of the preparation
+        that it lacks are chosen for the maps.
 
     Returns
     -------
@@ -221,6 +227,108 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     )
 
 
+def propose_joined(paths: Sequence[Path], reading: Reading) -> LikeMaps:
+    """Read and prepare scans of one surface, and fit a population to their joined spectrum.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files of the scans, at least two.
+    reading : Reading
+        Unit, lengths and channel, if the files do not determine them. Steps of the preparation
+        that it lacks are chosen for each scan.
+
+    Returns
+    -------
+    LikeMaps
+        The population; the only map, by which it is judged, is the scan with the shortest waves.
+
+    Raises
+    ------
+    InputError
+        If a scan cannot be used, or no population can be fitted.
+    """
+    scans = []
+    for survey in survey_maps(paths, reading):
+        require_usable([survey])
+        steps = with_chosen_steps(reading, [survey])
+        prepared = measure(survey, steps)
+        if prepared.topography is None:
+            raise InputError(
+                f"no map can be used: {survey.path}: {prepared.survey.fault}"
+            )
+        fitted_map = FittedMap(prepared.topography, digest(survey.path))
+        scans.append(_Scan(prepared.survey, steps, fitted_map))
+    joined = join([scan.fitted_map.topography for scan in scans])
+    [finest] = [
+        scan for scan in scans if scan.fitted_map.topography is joined.finest.topography
+    ]
+    population = fit_joined([scan.fitted_map for scan in scans], joined)
+    lengths = [scan.survey.length for scan in scans if not math.isnan(scan.survey.length)]
+    length = max(lengths, default=math.nan)
+    return LikeMaps(
+        surveys=[scan.survey for scan in scans],
+        reading=finest.reading,
+        maps=[finest.fitted_map],
+        population=population,
+        nodes=nodes_like(population.nodes, length / max(population.spacing)),
+        joined=joined,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """A prepared scan."""
+
+    survey: MapSurvey
+    reading: Reading  # how it was read and prepared
+    fitted_map: FittedMap
+
+
+def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
+    """Fit a population to the joined spectrum of scans of one surface.
+
+    The distribution of heights is that of the scan with the longest waves, and the rms height is
+    that of all waves of the spectrum. Imperfections are not separated.
+
+    Parameters
+    ----------
+    maps : sequence of FittedMap
+        The scans.
+    joined : JoinedSpectrum
+        Their joined spectrum.
+
+    Returns
+    -------
+    Population
+        The population, at the spacing of the scan with the shortest waves.
+    """
+    spectrum = join_in_bands(joined)
+    widest = joined.scans[0].topography.heights
+    curve = _HeightCurve.of([(widest - widest.mean()) / widest.std()])
+    wanted = _Wanted(
+        grid=spectrum.grid,
+        bands=spectrum.bands,
+        logarithms=spectrum.logarithms,
+        leaks=False,
+    ).with_variance(curve.variance)
+    finest = joined.finest.topography
+    steps = [
+        f"{Path(of.topography.name).name}: {'; '.join(of.topography.steps)}"
+        for of in maps
+    ]
+    return _population(
+        maps=maps,
+        preparation=" | ".join(steps),
+        shortest=_shortest_wave([of for of in maps if of.topography is finest]),
+        wanted=wanted,
+        curve=curve,
+        rms_height=spectrum.rms_height,
+        imperfections=(),
+        remarks=(*joined.warnings, *spectrum.remarks),
+    )
+
+
 def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     """Fit a population to maps of one kind.
 
@@ -246,42 +354,87 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     """
     _require_fitting(maps)
     heights_of_maps = [fitted_map.topography.heights for fitted_map in maps]
-    units = [_standardised(heights) for heights in heights_of_maps]
     spacing = maps[0].topography.spacing
     rms_heights = [float(heights.std()) for heights in heights_of_maps]
     rms_height = float(np.median(rms_heights))
-    shape = max((unit.shape for unit in units), key=math.prod)
+    scaled = [
+        _scaled(separate_imperfections(heights, spacing), rms_height_of_map)
+        for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
+    ]
+    textures = [scaled_map.texture for scaled_map in scaled]
+    shape = max((texture.shape for texture in textures), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
-    wanted = _wanted_spectrum(units, grid)
-    independent = _independent_waves(wanted) * len(units)
-    curve = _HeightCurve.of(units).without_chance(independent)
+    wanted = _wanted_spectrum(textures, grid)
+    curve = _HeightCurve.of(textures)
     wanted = wanted.with_variance(curve.variance)
+    population = _population(
+        maps=maps,
+        preparation=preparation,
+        shortest=_shortest_wave(maps),
+        wanted=wanted,
+        curve=curve,
+        rms_height=rms_height,
+        imperfections=tuple(
+            _heights_in_rows(imperfection * rms_height)
+            for scaled_map in scaled
+            for imperfection in scaled_map.imperfections
+        ),
+        remarks=(),
+    )
+    of_maps = Roughness.of(
+        [
+            heights * (rms_height / rms_height_of_map)
+            for heights, rms_height_of_map in zip(
+                heights_of_maps, rms_heights, strict=True
+            )
+        ],
+        spacing,
+    )
+    remarks = _what_gives_way(population, shape, of_maps)
+    return replace(population, remarks=tuple(remarks))
+
+
+def _population(
+    *,
+    maps: Sequence[FittedMap],
+    preparation: str,
+    shortest: float,
+    wanted: _Wanted,
+    curve: _HeightCurve,
+    rms_height: float,
+    imperfections: tuple[tuple[tuple[float, ...], ...], ...],
+    remarks: tuple[str, ...],
+) -> Population:
+    """Return the population whose surfaces have a wanted spectrum and curve of heights.
+
+    Lengths are in um. `rms_height` is that of the maps over which `wanted` and `curve` have no
+    unit.
+    """
     field = _spectrum_of_field(wanted, curve)
     bands_x, bands_y = wanted.bands.middles
-    population = Population(
+    dx, dy = wanted.grid.spacing
+    return Population(
         format=FORMAT,
         maps=tuple(
             SourceMap(
                 name=Path(fitted_map.topography.name).name,
                 sha256=fitted_map.sha256,
                 nodes=_shape(fitted_map.topography.heights),
-                rms_height=rms_height_of_map,
+                rms_height=float(fitted_map.topography.heights.std()),
             )
-            for fitted_map, rms_height_of_map in zip(maps, rms_heights, strict=True)
+            for fitted_map in maps
         ),
         preparation=preparation,
-        spacing=(float(spacing[0]), float(spacing[1])),
-        shortest=_shortest_wave(maps),
-        remarks=(),
+        spacing=(float(dx), float(dy)),
+        shortest=shortest,
+        remarks=remarks,
         bands_x=_rounded(bands_x, 12),
         bands_y=_rounded(bands_y, 12),
         logarithms=(_rows(field[0]), _rows(field[1])),
         scores=_rounded(curve.scores, 6),
         heights=_rounded(curve.heights * rms_height, 9),
+        imperfections=imperfections,
     )
-    of_maps = Roughness.of([unit * rms_height for unit in units], spacing)
-    remarks = _what_gives_way(population, shape, of_maps)
-    return replace(population, remarks=tuple(remarks))
 
 
 def _require_fitting(maps: Sequence[FittedMap]) -> None:
@@ -315,10 +468,22 @@ def _shape(heights: Heights) -> tuple[int, int]:
     return nx, ny
 
 
-def _standardised(heights: Heights) -> Heights:
-    """Return heights about their mean, over their rms height [1]."""
-    centred = heights - heights.mean()
-    return np.asarray(centred / centred.std())
+def _scaled(separated: SeparatedMap, rms_height: float) -> SeparatedMap:
+    """Return a map over its rms height [um], with its texture about the mean of the texture [1]."""
+    texture = separated.texture - separated.texture.mean()
+    return SeparatedMap(
+        texture=texture / rms_height,
+        imperfections=tuple(
+            imperfection / rms_height for imperfection in separated.imperfections
+        ),
+    )
+
+
+def _heights_in_rows(heights: Heights) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of heights [um], to four significant digits of the largest."""
+    largest = float(np.abs(heights).max())
+    decimals = 3 - math.floor(math.log10(largest)) if largest > 0 else 0
+    return tuple(tuple(row) for row in np.round(heights, decimals).tolist())
 
 
 def _rounded(values: Values, digits: int) -> tuple[float, ...]:
@@ -345,15 +510,15 @@ def _shortest_wave(maps: Sequence[FittedMap]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _HeightCurve:
-    """The rising curve from normal scores to heights of unit rms."""
+    """The rising curve from normal scores to heights over the rms height of their map."""
 
     scores: Values  # rising normal scores, shape (knots,) [1]
     heights: Values  # heights at these scores, rising, shape (knots,) [1]
 
     @classmethod
-    def of(cls, units: Sequence[Heights]) -> _HeightCurve:
-        """Return the mean of the curves of maps with unit rms heights."""
-        curves = [_quantiles(unit) for unit in units]
+    def of(cls, textures: Sequence[Heights]) -> _HeightCurve:
+        """Return the mean of the curves of textures over the rms heights of their maps."""
+        curves = [_quantiles(texture) for texture in textures]
         furthest = min(curve.scores[-1] for curve in curves)
         scores = np.concatenate(([-furthest], curves[0].scores[1:-1], [furthest]))
         if len(curves) > 1:
@@ -369,27 +534,6 @@ class _HeightCurve:
         """Return the heights at normal scores [1]."""
         places, heights = tabulated_curve(tuple(self.scores), tuple(self.heights))
         return np.interp(scores, places, heights)
-
-    def without_chance(self, independent: float) -> _HeightCurve:
-        """Return the curve without the part of its bends that may be due to chance.
-
-        Bends are distances from the straight line of normally distributed heights. Heights of few
-        waves have such bends although the field of the waves is Gaussian. So the bends shrink by a
-        share: the mean square that quantiles of `independent` heights have by chance, over the
-        mean square of the bends (James and Stein).
-        """
-        from scipy.special import ndtr
-
-        scores = self.scores[1:-1]
-        below = ndtr(scores)
-        density = np.exp(-(scores**2) / 2) / math.sqrt(2 * math.pi)
-        variances = below * (1 - below) / (independent * density**2)
-        bends = self.heights[1:-1] - scores
-        mean_square = float(np.mean(bends**2 / variances))
-        share = max(0.0, 1.0 - 1.0 / max(mean_square, 1.0))
-        return _HeightCurve(
-            scores=self.scores, heights=self.scores + share * (self.heights - self.scores)
-        )
 
     @property
     def hermite_powers(self) -> Values:
@@ -422,11 +566,11 @@ class _HeightCurve:
         return float(self.hermite_powers.sum())
 
 
-def _quantiles(unit: Heights) -> _HeightCurve:
-    """Return the smooth curve of the heights of one map with unit rms height."""
+def _quantiles(texture: Heights) -> _HeightCurve:
+    """Return the smooth curve of the heights of one texture over the rms height of its map."""
     from scipy.special import ndtri
 
-    ordered = np.sort(unit, axis=None)
+    ordered = np.sort(texture, axis=None)
     scores = ndtri((np.arange(ordered.size) + 0.5) / ordered.size)
     span = min(SPAN, 0.9 * scores[-1])
     knots = np.linspace(-span, span, KNOTS)
@@ -444,11 +588,13 @@ def _quantiles(unit: Heights) -> _HeightCurve:
 
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """The wanted spectrum of the surfaces, whose heights have no unit."""
+    """The wanted spectrum of the surfaces, whose heights have no texture."""
 
     grid: WaveGrid
     bands: WaveBands
     logarithms: Values  # logarithms of the density in bands [um^2]
+    # whether it holds power that a window as large as the period has leaked to neighbouring waves
+    leaks: bool = True
 
     def with_variance(self, variance: float) -> _Wanted:
         """Return the same spectrum for heights of another variance [1]."""
@@ -456,19 +602,19 @@ class _Wanted:
         return replace(self, logarithms=self.logarithms + math.log(variance / total))
 
 
-def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
-    """Return the spectrum of maps with unit rms heights, of unit variance.
+def _wanted_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _Wanted:
+    """Return the spectrum of textures of maps, of unit variance.
 
     Its form follows from the maps' periodograms. It is then corrected until rms slopes and rms
     curvature over the rms height are those of the maps, which are measured without a window.
     """
     bands = WaveBands.of(grid)
-    spectrum = _mean_spectrum(units, grid, bands)
-    roughness = Roughness.of(units, grid.spacing)
+    spectrum = _mean_spectrum(textures, grid, bands)
+    roughness = Roughness.of(textures, grid.spacing)
     correction = _Correction(
         grid=grid,
         bands=bands,
-        logarithms=_with_means(bands, grid, smoothed(spectrum)),
+        logarithms=with_means(bands, grid, smoothed(spectrum)),
         direction=_log_ratio(roughness.slope_x**2, roughness.slope_y**2),
         steepness=_log_ratio(roughness.slope**2, roughness.rms_height**2),
         sharpness=_log_ratio(roughness.curvature**2, roughness.slope**2),
@@ -477,37 +623,15 @@ def _wanted_spectrum(units: Sequence[Heights], grid: WaveGrid) -> _Wanted:
     return wanted.with_variance(1.0)
 
 
-def _independent_waves(wanted: _Wanted) -> float:
-    """Return the number of waves of equal power whose heights would scatter as much.
-
-    It is the square of the sum of all powers over the sum of their squares.
-    """
-    densities = wanted.bands.spread(wanted.grid, wanted.logarithms)
-    squares = wanted.grid.total(densities**2) / wanted.grid.area
-    return wanted.grid.total(densities) ** 2 / squares
-
-
-def _with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
-    """Return a spectrum in bands whose means over the waves of each band are the given ones.
-
-    Both are logarithms. They differ where the spectrum is interpolated over a sharp bend.
-    """
-    logarithms = means.copy()
-    for _ in range(ROUNDS_OF_MEANS):
-        now = _log_means(bands.means(grid, bands.spread(grid, logarithms)))
-        logarithms += np.clip(means - now, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
-    return logarithms
-
-
 def _mean_spectrum(
-    units: Sequence[Heights], grid: WaveGrid, bands: WaveBands
+    textures: Sequence[Heights], grid: WaveGrid, bands: WaveBands
 ) -> BandSpectrum:
     """Return the mean spectrum of maps in bands; a map has the weight of its waves in the band."""
     powers = np.zeros(bands.shape)
     waves = np.zeros(bands.shape)
-    for unit in units:
-        of_map = WaveGrid(shape=_shape(unit), spacing=grid.spacing)
-        spectrum = bands.means(of_map, periodogram(unit, of_map))
+    for texture in textures:
+        of_map = WaveGrid(shape=_shape(texture), spacing=grid.spacing)
+        spectrum = bands.means(of_map, periodogram(texture, of_map))
         powers += np.where(spectrum.waves > 0, spectrum.waves * spectrum.densities, 0.0)
         waves += spectrum.waves
     with np.errstate(invalid="ignore"):  # 0 / 0 in bands without waves
@@ -641,7 +765,7 @@ def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
     covariances -= curve.hermite_powers[0]
     # The wanted spectrum holds the power that the window has leaked, as the maps' periodograms do.
     # So it is compared with the spectrum of the surfaces after the same leak.
-    aim = _log_means(bands.means(grid, bands.spread(grid, wanted.logarithms)))
+    aim = log_means(bands.means(grid, bands.spread(grid, wanted.logarithms)))
     field = wanted.logarithms.copy()
     for _ in range(ROUNDS):
         densities = bands.spread(grid, field)
@@ -651,16 +775,12 @@ def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
         spectrum = fft.rfft2(covariance).real * math.prod(grid.spacing)
         np.maximum(spectrum, 0.0, out=spectrum)
         spectrum[0, 0] = 0.0
-        lacks = aim - _log_means(bands.means(grid, leaked(spectrum)))
+        if wanted.leaks:
+            spectrum = leaked(spectrum)
+        lacks = aim - log_means(bands.means(grid, spectrum))
         field += STEP * np.clip(lacks, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
         field = np.maximum(field, field.max() + LEAST)
     return np.asarray(field - field.max())
-
-
-def _log_means(spectrum: BandSpectrum) -> Values:
-    """Return the logarithms of means in bands; 0 in bands without waves, which no round changes."""
-    densities = np.where(spectrum.waves > 0, spectrum.densities, 1.0)
-    return np.asarray(np.log(np.maximum(densities, 1e-300)))
 
 
 def _what_gives_way(

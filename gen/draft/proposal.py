@@ -11,7 +11,6 @@ from pathlib import Path
 
 from gen.draft.survey import (
     MapSurvey,
-    common_threshold,
     measure,
     require_usable,
     survey_maps,
@@ -19,6 +18,7 @@ from gen.draft.survey import (
 )
 from gen.maps.filters import is_same
 from gen.maps.library import Tiling
+from gen.maps.needs import with_needed_steps
 from gen.maps.read import Sides
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
@@ -81,8 +81,8 @@ def propose(
     paths : sequence of Path
         Files of the maps, at least one.
     reading : Reading
-        Unit, lengths and channel for files that do not determine them. The steps of the
-        preparation are chosen for the maps, whatever `reading` holds.
+        Unit, lengths and channel for files that do not determine them. Steps of the
+        preparation that it lacks are chosen for the maps.
     advance : callable
         Function without arguments that is called twice for each file, after each reading, to
         display the progress.
@@ -187,27 +187,17 @@ def with_chosen_steps(reading: Reading, surveys: Sequence[MapSurvey]) -> Reading
     Parameters
     ----------
     reading : Reading
-        How files are read.
+        How files are read, and steps that the user has given.
     surveys : sequence of MapSurvey
         Surveys of the usable maps, measured before any preparation (`survey_maps`).
 
     Returns
     -------
     Reading
-        A copy of `reading` with new values of three keys: `despike` is a threshold, or None if no
-        map has spikes; `level` is "quadratic" if a map is curved, otherwise "plane"; `fill` is
-        whether a map has holes.
+        A copy of `reading` with the chosen steps beside the given ones, see
+        `gen.maps.needs.with_needed_steps`.
     """
-    spikes = [survey.spikes for survey in surveys if survey.spikes is not None]
-    level = "plane"
-    if any(survey.is_curved for survey in surveys):
-        level = "quadratic"
-    return replace(
-        reading,
-        despike=common_threshold(spikes),
-        level=level,
-        fill=any(survey.missing > 0 for survey in surveys),
-    )
+    return with_needed_steps(reading, [survey.needs for survey in surveys])
 
 
 def common_spacing(spacings: Sequence[Sides]) -> float | None:

@@ -9,43 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from gen.arrays import Heights, Values
 from gen.doubts import STEEP
 from gen.maps.areal import areal_parameters
 from gen.maps.codes import refuse_overflowing_heights, with_code_warnings
-from gen.maps.filters import MOST_HOLES, fitted_polynomial, resampled
-from gen.maps.outliers import local_medians, scatter_of
-from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
+from gen.maps.filters import MOST_HOLES, resampled
+from gen.maps.needs import FEWEST_NODES_A_SIDE, MapNeeds, Spikes
+from gen.maps.prepare import FLAT, effect_of_steps, least_squares, prepare
 from gen.maps.read import Sides, Topography, read, spacing_text
-from gen.maps.settings import SPIKE, Reading, in_scene_words
+from gen.maps.settings import Reading, in_scene_words
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
 from gen.runtime.terminal import print_columns
 from gen.statistics import rms_slope
-
-# Smallest share of the variance about the mean plane that a quadratic surface explains in a curved
-# map. A smaller share may come from a long wave of the roughness.
-FORM = 0.9
-FEWEST_NODES_A_SIDE = 4  # nodes along the shorter side of a map that can be used
-
-# Nodes beyond a gap are spikes, however many there are, if the distances of the nearest spike and
-# of the furthest other node have at least this ratio.
-GAP = 2.0
-# largest share of the nodes that may be spikes without such a gap
-FEW_SPIKES = 1e-3
-# The furthest of such spikes has at least this distance, as a multiple of the distance that a share
-# `FEW_SPIKES` of all nodes exceeds. On made maps without spikes the multiple is at most 2 (sharp
-# ridges).
-FAR_SPIKE = 2.5
-
-
-@dataclass(frozen=True)
-class Spikes:
-    """The spikes of a map. Distances are from the local median, in units of the scatter [1]."""
-
-    surface: float  # largest distance of a node that is no spike; at least `SPIKE`
-    nearest: float  # smallest distance of a spike; infinite if there is none
-    number: int  # number of spikes
 
 
 @dataclass(frozen=True)
@@ -76,11 +51,18 @@ class MapSurvey:
     length: float = math.nan
     # a line for each height that occurs so often that it may be a code for missing heights
     warnings: tuple[str, ...] = ()
+    # sentence on the roughness before and after the preparation; "" if it has hardly changed
+    effect: str = ""
+
+    @property
+    def needs(self) -> MapNeeds:
+        """The faults of the map, for which steps of the preparation are chosen."""
+        return MapNeeds(spikes=self.spikes, form=self.form, missing=self.missing)
 
     @property
     def is_curved(self) -> bool:
         """Whether the map has a form that a quadratic surface explains."""
-        return self.form > FORM
+        return self.needs.is_curved
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +131,11 @@ def _survey_of(path: Path, topography: Topography) -> MapSurvey:
     if survey.fault:  # the map may have too few heights for the properties below
         return survey
     tilt = least_squares(topography).tilt
+    needs = MapNeeds.of(heights)
     return replace(
         survey,
-        form=_share_of_form(heights),
-        spikes=find_spikes(heights),
+        form=needs.form,
+        spikes=needs.spikes,
         tilt=(tilt.x, tilt.y),
     )
 
@@ -172,20 +155,6 @@ def _fault_of(topography: Topography) -> str:
     if min(nx, ny) < FEWEST_NODES_A_SIDE:
         return f"{nx} x {ny} nodes are too few"
     return ""
-
-
-def _share_of_form(heights: Heights) -> float:
-    """Return the share of the variance about the mean plane that a quadratic surface explains [1].
-
-    The share is 0 for a plane. `heights` are in um, NaN where they are missing.
-    """
-    plane = fitted_polynomial(heights, degree=1)
-    quadratic = fitted_polynomial(heights, degree=2)
-    about_plane = float(np.nanvar(heights - plane))
-    about_quadratic = float(np.nanvar(heights - quadratic))
-    if about_plane == 0.0:
-        return 0.0
-    return 1.0 - about_quadratic / about_plane
 
 
 def _fault_in_scene_words(error: InputError, path: Path) -> str:
@@ -219,7 +188,9 @@ def measure(
         flat, the survey has a fault and there is no map.
     """
     try:
-        topography = prepare(read(survey.path, reading), reading)
+        as_measured = read(survey.path, reading)
+        topography = prepare(as_measured, reading)
+        effect = effect_of_steps(as_measured, topography)
         if spacing is not None:
             topography = resampled(topography, (spacing, spacing))
     except InputError as error:
@@ -233,6 +204,7 @@ def measure(
         rms_height=float(heights.std()),
         rms_slope=slope,
         length=areal_parameters(topography).values["Sal"],
+        effect=effect,
     )
     if slope < FLAT:
         fault = f"its rms slope is {slope:.2g}: check the unit of its heights"
@@ -304,84 +276,6 @@ def require_usable(surveys: Sequence[MapSurvey]) -> list[MapSurvey]:
             message += f", and {len(surveys) - 1} more files"
         raise InputError(message)
     return without_fault
-
-
-def find_spikes(heights: Heights) -> Spikes:
-    """Find the spikes of a map by the distances of its nodes from their local medians.
-
-    Spikes are the nodes beyond the widest gap in the sorted distances, where the width of a gap is
-    the ratio of the distances on both sides. The gap has to be wide, unless the spikes are few and
-    one of them is far from the surface.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN where they are missing [um].
-
-    Returns
-    -------
-    Spikes
-        The number of spikes, and the distances on both sides of the gap, in units of the scatter of
-        all distances. Distances below `SPIKE` are taken as `SPIKE`.
-    """
-    from_medians = heights - local_medians(heights)
-    distances = np.abs(from_medians / scatter_of(from_medians, heights))
-    without_holes = distances[~np.isnan(distances)]
-    # A smaller distance than `SPIKE` never makes a spike.
-    falling = np.maximum(np.sort(without_holes)[::-1], SPIKE)
-    number = _number_beyond_gap(falling, share=MANY_SPIKES, smallest_ratio=GAP)
-    distance_of_few = falling[int(FEW_SPIKES * falling.size)]
-    if number == 0 and falling[0] > FAR_SPIKE * distance_of_few:
-        number = _number_beyond_gap(falling, share=FEW_SPIKES, smallest_ratio=1.0)
-    nearest = math.inf
-    if number > 0:
-        nearest = float(falling[number - 1])
-    return Spikes(surface=float(falling[number]), nearest=nearest, number=number)
-
-
-def _number_beyond_gap(falling: Values, share: float, smallest_ratio: float) -> int:
-    """Return how many distances, sorted from the largest down, are beyond the widest gap.
-
-    The gap is looked for in the given share of the distances, from the largest down. The number is
-    0 unless the distances on both sides of the gap have a ratio above `smallest_ratio`.
-    """
-    largest_number = max(1, int(share * falling.size))
-    first = falling[: largest_number + 1]
-    ratios = first[:-1] / first[1:]
-    gap = int(np.argmax(ratios))
-    if ratios[gap] <= smallest_ratio:
-        return 0
-    return gap + 1
-
-
-def common_threshold(spikes: Sequence[Spikes]) -> float | None:
-    """Choose one threshold that removes the spikes of all maps.
-
-    Parameters
-    ----------
-    spikes : sequence of Spikes
-        The spikes of each map.
-
-    Returns
-    -------
-    float or None
-        Value of the key `despike`: a distance from the local median in units of the scatter. It is
-        between the surfaces of all maps and the nearest spike of all maps. If a surface of one map
-        reaches beyond the nearest spike of another, it is just below that spike. None if no map has
-        spikes.
-    """
-    nearest = min((of_map.nearest for of_map in spikes), default=math.inf)
-    if math.isinf(nearest):
-        return None
-    surface = max(of_map.surface for of_map in spikes)
-    threshold = 0.98 * nearest
-    if surface < nearest:
-        threshold = math.sqrt(surface * nearest)
-    # A number of two digits is easier to read in the scene, but only a separating one may be taken.
-    two_digits = float(f"{threshold:.2g}")
-    if surface < two_digits < nearest:
-        return two_digits
-    return threshold
 
 
 def print_surveys(surveys: Sequence[MapSurvey]) -> None:

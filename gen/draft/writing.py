@@ -137,7 +137,7 @@ def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -
     texts = {
         "name": printable(name),
         **_beginning(title, output, command, surfaces=SURFACES),
-        "preparation": preparation_options(likeness.reading),
+        "preparation": likeness.reading.options_of_steps,
         "step": f"{likeness.spacing:g}",
         "nodes": str(NODES),
         "side": repr(rounded(NODES * likeness.spacing, 6)),
@@ -210,12 +210,14 @@ def scene_of_population(
 def _steps_of_preparation(like: LikeMaps) -> str:
     """Return a sentence on how the maps were prepared."""
     noun = "The map was" if len(like.surveys) == 1 else "The maps were"
-    return f"{noun} prepared by {preparation_options(like.reading)}."
+    return f"{noun} prepared by {like.reading.options_of_steps}."
 
 
 def _scale(like: LikeMaps) -> str:
     """Return the key `scale`, with a comment on the rms heights of the maps."""
     smallest, largest = like.scales
+    if like.joined is not None:
+        return "# Heights over those of the joined spectrum.\nscale = 1.0"
     if len(like.surveys) == 1:
         return (
             "# Heights over those of the map. One map does not tell how they scatter: give a range"
@@ -367,6 +369,8 @@ def _despike(used: Sequence[MapSurvey], threshold: float) -> str:
     """Return the key `despike` with its threshold, and a comment with the numbers of spikes."""
     numbers = [survey.spikes.number for survey in used if survey.spikes]
     maps_with_spikes = sum(number > 0 for number in numbers)
+    if maps_with_spikes == 0:
+        return f"# As --despike says.\ndespike = {threshold!r}"
     return (
         f"# {maps_with_spikes} of {len(used)} maps have spikes, {sum(numbers)} nodes in all:"
         " the highest would set\n"
@@ -378,12 +382,15 @@ def _despike(used: Sequence[MapSurvey], threshold: float) -> str:
 def _reason_for_level(used: Sequence[MapSurvey], level: str) -> str:
     """Say why maps are levelled by `level`, in words that continue a sentence after "As".
 
-    For "plane" the reason is the largest tilt, for "quadratic" that maps are curved.
+    For "plane" the reason is the largest tilt, for "quadratic" that maps are curved. The user may
+    have given either of them, or another level, for maps without this reason.
     """
     if level == "plane":
         tilt = max(abs(slope) for survey in used for slope in survey.tilt)
         return f"the maps are tilted by up to {tilt:.2g}"
-    first_curved = next(survey for survey in used if survey.is_curved)
+    first_curved = next((survey for survey in used if survey.is_curved), None)
+    if level != "quadratic" or first_curved is None:
+        return "--level says"
     name = printable(first_curved.path.name)
     return f"{name} and the like are curved: form rather than roughness"
 
@@ -398,28 +405,6 @@ def _reading_table(reading: Reading) -> str:
     if not keys:
         return ""
     return "\n".join(["# For files that do not say it.", "[surface.reading]", *keys])
-
-
-def preparation_options(reading: Reading) -> str:
-    """Return the steps of a map's preparation as options of `gen contact` and `gen describe`.
-
-    Parameters
-    ----------
-    reading : Reading
-        How a map is read and prepared.
-
-    Returns
-    -------
-    str
-        The options, as "--level plane --fill".
-    """
-    options = []
-    if reading.despike is not None:
-        options.append(f"--despike {reading.despike:g}")
-    options.append(f"--level {reading.level}")
-    if reading.fill:
-        options.append("--fill")
-    return " ".join(options)
 
 
 def _law(likeness: Likeness) -> dict[str, str]:

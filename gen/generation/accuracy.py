@@ -30,6 +30,7 @@ from bem.accuracy import (
     grids,
     tolerance_for,
 )
+from bem.bodies import HALF_SPACE
 from bem.budget import ErrorParts
 from bem.coarsening import sampled_lines
 from bem.derived.grid_error import LEAST_ORDER, slope_order_of_lines
@@ -86,6 +87,9 @@ Grids on which errors would still be too large at this power are skipped, unless
 
 ENDLESS = "waves go on down to this grid, so that no bar holds"
 """Reason why an elastic contact on a surface without a shortest wave has no error."""
+
+THIN = "a cell of this grid is no smaller than the layer, so that no bar holds"
+"""Reason why a contact on a layer has no error: the layer rules at the border of contact."""
 
 CUT = "this grid drops too many of the waves"
 """Reason why a contact on a grid that lacks too many waves has no error."""
@@ -264,6 +268,8 @@ class _Trial:
             candidate = _on_nodes(self.tried_scene, self._found_grid(nodes))
             if candidate.surface.fault_on(candidate.made_grid):
                 continue  # it is too coarse for the shortest waves
+            if candidate.fault_of_layer():
+                continue  # it is too coarse for the thinnest layer
             grid = self._judge(candidate)
             self.judged.append(grid)
             if grid.holds:
@@ -348,18 +354,21 @@ class _Trial:
                 for key, asked in self.asked.items()
             }
             return _JudgedContact(errors, "nothing touches", row)
+        hardness = self.plan.hardness_of(row)
+        settings = settings_of(candidate, hardness, self.plan.layer_of(row))
+        body = settings.get("body", HALF_SPACE)
+        if not body.is_deeper_than_cells(candidate.grid.spacing):
+            return _JudgedContact({}, THIN, row)
         full_surface = made_surface_of(candidate, self.plan, row)
-        surface = on_grid_of_contacts(candidate, full_surface)
+        surface = on_grid_of_contacts(candidate, full_surface, body)
         # The waves that this grid drops use up too much of the error by themselves.
         if OF_DROPPED * surface.dropped > MOST_FOR_WAVES * min(self.asked.values()):
             return _JudgedContact({}, CUT, row)
-        hardness = self.plan.hardness_of(row)
         if hardness is None:
             boundary = candidate.contact.boundary
             lines = sampled_lines(surface.heights)
             if slope_order_of_lines(lines, boundary) < LEAST_ORDER:
                 return _JudgedContact({}, ENDLESS, row)
-        settings = settings_of(candidate, hardness)
         absolute = absolute_load(candidate, surface.heights, load)
         settings[absolute.kind] = absolute.value
         contact = bem.solve(surface.heights, candidate.grid.sides, **settings)
@@ -406,7 +415,7 @@ class _Trial:
         values: dict[str, float] = {self.scene.quantity: float(self.plan.load[row])}
         if self.scene.contact.draws_hardness:
             values["hardness"] = self.plan.hardness_of(row) or 0.0
-        values |= self.plan.parameters_of(row)
+        values |= self.plan.parameters_of(row) | self.plan.layer_of(row)
         return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
 
 
@@ -431,16 +440,19 @@ def planned_contacts(scene: Scene) -> Plan:
         The contacts, each with a surface of its own.
     """
     planned = parameters(scene, 0, PLANNED_ROWS)
-    quantities = [planned.load, *planned.drawn.values()]
+    quantities = [planned.load, *planned.drawn.values(), *planned.layer.values()]
     if planned.hardness is not None:
         quantities.append(planned.hardness)
     load, *others = _ends_and_draws(quantities)
     hardness = None if planned.hardness is None else others.pop()
+    parameters_of_surfaces = others[: len(planned.drawn)]
+    numbers_of_layers = others[len(planned.drawn) :]
     return Plan(
         surface=np.arange(load.size, dtype=np.int64),
-        drawn=dict(zip(planned.drawn, others, strict=True)),
+        drawn=dict(zip(planned.drawn, parameters_of_surfaces, strict=True)),
         load=load,
         hardness=hardness,
+        layer=dict(zip(planned.layer, numbers_of_layers, strict=True)),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 import numpy as np
 
 import bem
+from bem.bodies import HALF_SPACE
 from bem.coarsening import Coarsening, CoarserMap
 from gen.arrays import Columns, Heights, Values
 from gen.generation.outputs import outputs_for_row
@@ -338,7 +339,9 @@ def made_surface_of(scene: Scene, plan: Plan, row: int) -> Heights:
     return heights
 
 
-def on_grid_of_contacts(scene: Scene, heights: Heights) -> CoarserMap:
+def on_grid_of_contacts(
+    scene: Scene, heights: Heights, body: bem.Body = HALF_SPACE
+) -> CoarserMap:
     """Return a surface on the grid on which the contacts of a scene are solved.
 
     Parameters
@@ -348,18 +351,23 @@ def on_grid_of_contacts(scene: Scene, heights: Heights) -> CoarserMap:
         accuracy of the scene.
     heights : ndarray, shape of `Scene.made_grid`
         Heights of the surface as it is made [um].
+    body : bem.Body
+        The body by which slopes are weighted, by default a half-space.
 
     Returns
     -------
     CoarserMap
-        Heights above the lowest node, shape of `Scene.grid` [um], and the share of the mean square
-        slope that this grid lacks. If both grids are the same, `heights` is returned as it is.
+        Heights above the lowest node, shape of `Scene.grid` [um], and the share of the weighted
+        mean square slope that this grid lacks. If both grids are the same, `heights` is returned
+        as it is.
     """
     shape = scene.grid.shape
     if heights.shape == shape:
         return CoarserMap(heights, 0.0)
     spacing_x, spacing_y = scene.made_grid.spacing
-    coarsening = Coarsening(heights, scene.contact.boundary, spacing_y / spacing_x)
+    coarsening = Coarsening(
+        heights, scene.contact.boundary, spacing_y / spacing_x, body.reduced(spacing_x)
+    )
     coarser = coarsening.on(shape)
     return CoarserMap(coarser.heights - coarser.heights.min(), coarser.dropped)
 

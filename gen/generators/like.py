@@ -191,6 +191,11 @@ class LikeSurface(GeneratedSurface):
         lines = [
             f"surfaces like {names}; waves from {population.shortest:.4g} um on carry roughness"
         ]
+        if population.imperfections:
+            lines.append(
+                "pits, dust and scratches of the maps are copied to random places; there are"
+                f" {len(population.imperfections)} on the maps"
+            )
         if any(
             side > length * (1 + 1e-9)
             for side, length in zip((nx * dx, ny * dy), population.longest, strict=True)

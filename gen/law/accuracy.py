@@ -115,7 +115,7 @@ def quantity_in_law(name: str) -> Quantity:
     Parameters
     ----------
     name : str
-        Name of an answer in `bem.accuracy.ANSWERS`.
+        Name of an answer in `bem.answers.ANSWERS`.
 
     Returns
     -------
@@ -296,7 +296,7 @@ def notes(
     str
         A line for each error, then one about the grids and one about all other quantities.
     """
-    from bem.accuracy import ANSWERS
+    from bem.answers import ANSWERS
 
     budgets = _budgets(tables)
     for name, parts in worst_parts(budgets, errors).items():

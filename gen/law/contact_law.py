@@ -24,7 +24,16 @@ from gen.doubts import material_doubts
 from gen.law import accuracy
 from gen.law.bands import assumption, described
 from gen.law.between import check_loads, merged, solve_between, solve_for_lines
-from gen.law.curves import APART, Curves, Points, risen, tabulated, without_reversals
+from gen.law.curves import (
+    APART,
+    BelowFullContact,
+    Curves,
+    Points,
+    risen,
+    tabulated,
+    without_reversals,
+)
+from gen.law.layer import check_layer, compliance_in_law, layer_in_words
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.solver import LawSolver, SolvedLoads, ends_below
 from gen.law.surfaces import LawSurfaces, Source, read_law_surfaces
@@ -112,6 +121,7 @@ def by_solver(order: Order) -> Law:
     subjects = read_law_surfaces(order)
     bodies = bodies_of(order, subjects)
     order.refuse_impossible(bodies.hardness)
+    check_layer(order, bodies)
     solver = LawSolver(order, subjects.surfaces, bodies)
     solved = {load: solver.solve(load, values) for load, values in loads.items()}
     tables = _tables(solver, solved)
@@ -126,7 +136,7 @@ def by_solver(order: Order) -> Law:
 
 
 def bodies_of(order: Order, subjects: LawSurfaces) -> Bodies:
-    """Return the bodies of a law: E* and hardness of the order, or else those of its scenes.
+    """Return the bodies of a law: those of the order, or else those of its scenes.
 
     E* is 1 MPa if neither gives it. A hardness of scenes is scaled to the E* of the law.
 
@@ -145,15 +155,31 @@ def bodies_of(order: Order, subjects: LawSurfaces) -> Bodies:
     Raises
     ------
     InputError
-        If the scenes have different moduli or more than one hardness.
+        If the scenes have different moduli or layers or more than one hardness, or if the order
+        replaces the modulus of a scene with a layer, but not the layer.
     """
+    layered = order.layered
+    if layered is None:
+        layered = subjects.layered_body()
+        if layered is not None and order.e_star is not None:
+            raise InputError(
+                f"the scene has a layer of {layered.text}: leave out --young and --e-star, or give"
+                " --layer-thickness and --layer-young, too"
+            )
     e_star = order.e_star or subjects.modulus() or 1.0
+    if layered is not None:
+        e_star = layered.e_star
     hardness = order.hardness
     if hardness is None:
         ratio = subjects.hardness_ratio()
         if ratio is not None:
             hardness = ratio * e_star
-    return Bodies(e_star=e_star, hardness=hardness, has_modulus=order.e_star is not None)
+    return Bodies(
+        e_star=e_star,
+        hardness=hardness,
+        has_modulus=order.e_star is not None,
+        layered=layered,
+    )
 
 
 def _with_accuracy(law: Law, errors: Mapping[str, float], subjects: LawSurfaces) -> Law:
@@ -215,12 +241,16 @@ def law_of(
         If a requested table has no load above 0 below full contact, or the other table has no
         argument there at all.
     """
-    pressures = tables.over_pressure.below_full_contact(
-        bodies, required="pressure" in order.requested
-    )
-    deltas = tables.over_delta.below_full_contact(
-        bodies, required="delta" in order.requested
-    )
+    # With the compression of a layer the closure rises in full contact, too.
+    pressures = BelowFullContact(tables.over_pressure)
+    deltas = BelowFullContact(tables.over_delta)
+    if not compliance_in_law(order, bodies) > 0:
+        pressures = tables.over_pressure.below_full_contact(
+            bodies, required="pressure" in order.requested
+        )
+        deltas = tables.over_delta.below_full_contact(
+            bodies, required="delta" in order.requested
+        )
     over_pressure = _with_conductance(pressures.curves, order, bodies)
     number = len(subjects.surfaces)
     notes = [_method(making, subjects.surfaces[0].boundary)]
@@ -228,6 +258,7 @@ def law_of(
     if number > 1:
         band = described(number, order.coverage)
         notes.append(assumption(number, order.coverage))
+    notes += layer_in_words(order, bodies)
     notes += [about.description for about in subjects.inputs if about.scene is not None]
     notes += subjects.doubts
     notes += [f"warning: {doubt}" for doubt in material_doubts(bodies)]
@@ -411,6 +442,7 @@ def _contacts_for_other_table(
     takes the place of the mean. Loads that are not solved are left out, perhaps all. Raises
     InputError if all pressures reach the hardness.
     """
+    order = solver.order
     if len(solver.surfaces) == 1:
         return _same_contacts(other.points[0], load)
     of_surfaces = np.stack([part.values[ARGUMENTS[load]] for part in other.points])
@@ -421,6 +453,9 @@ def _contacts_for_other_table(
         return solver.solve_some("pressure", means, like=other.points)
     contacts = solver.solve_some("delta", means, like=other.points)
     if not contacts.begins_in_full_contact:
+        return contacts
+    goes_through_full_contact = compliance_in_law(order, solver.bodies) > 0
+    if goes_through_full_contact and contacts.loads.size:
         return contacts
     # No mean displacement was solved, or the surfaces are so unlike that the first mean presses one
     # of them flat: take the smallest displacements.
@@ -582,7 +617,8 @@ class SolverBetween:
     def _tabulated(self, table: Curves, contacts: SolvedLoads) -> Curves:
         """Tabulate contacts like `table`, a table of the law.
 
-        Contacts in full contact, or with a value that is not finite, are left out.
+        Contacts with a value that is not finite are left out, and those in full contact unless the
+        closure has the compression of a layer.
         """
         if not contacts.loads.size:
             nowhere = np.zeros(table.at.size, dtype=bool)
@@ -597,6 +633,8 @@ class SolverBetween:
         )
         between = _with_conductance(between, order, self.law.bodies)
         below = between.curves[AREA.in_laws].value < 100
+        if compliance_in_law(order, self.law.bodies) > 0:
+            below = np.ones(between.at.size, dtype=bool)
         for curve in between.curves.values():
             below &= np.isfinite(curve.value)
         return between.chosen(below)

@@ -33,6 +33,7 @@ from gen.law.finite_elements import (
     rising,
     write_lines,
 )
+from gen.law.layer import compliance_in_law
 from gen.law.lines import Deviation
 from gen.options import Units
 from gen.quantities import ALSO, CLOSURE, CONTINUUM, IN_LAWS
@@ -111,6 +112,8 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     """
     commit = git_commit()[:12]
     yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
+    if law.bodies.layered is not None:
+        yield f"Layer: {law.bodies.layered.text}."
     if law.bodies.hardness is not None:
         yield f"Bodies that yield, without hardening: hardness {law.bodies.hardness:.17g} MPa."
     if law.order.gas is not None:
@@ -132,8 +135,11 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     for name_of_quantity in law.order.also:
         quantity = ALSO[name_of_quantity]
         yield f"{short_name(quantity.in_laws)}: {quantity.words} [{quantity.unit}]."
+    interface = "the interface alone gives"
+    if compliance_in_law(law.order, law.bodies) > 0:
+        interface = "interface and layer give"
     yield (
-        "Closure is what the interface alone gives way from first touch on:"
+        f"Closure is what {interface} way from first touch on:"
         f" {name}_pressure_at_closure(closure) and its tangent are the law of a contact element."
     )
     yield (

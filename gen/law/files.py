@@ -17,7 +17,8 @@ from gen.law import accuracy, cubics, finite_elements, programs
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
 from gen.law.surfaces import Source
-from gen.options import LawOutputs, Units
+from gen.material import LayeredBody, columns_of_layer
+from gen.options import LawOutputs, LayerPlace, Units
 from gen.quantities import (
     AREA,
     CLOSURE,
@@ -245,10 +246,13 @@ def _rows(law: Law, table: Curves) -> list[Row]:
 def _about_the_load(law: Law, table: Curves, place: int) -> Row:
     """Return the first cells of a row: its kind of argument, the share outside, and the bodies.
 
-    The share is that of the surfaces outside a surrogate's training, 0 to 1. The hardness is left
-    out if there is none, and the boundary if it is free.
+    The share is that of the surfaces outside a surrogate's training, 0 to 1. Layer and hardness are
+    left out if there is none, and the boundary if it is free.
     """
     row: Row = {"against": table.against, "outside": float(table.outside[place])}
+    if law.bodies.layered is not None:
+        row |= columns_of_layer(law.bodies.layered.body)
+        row["layer_in"] = law.order.layer_in
     if law.bodies.hardness is not None:
         row["hardness_MPa"] = law.bodies.hardness
     if law.boundary != "free":
@@ -350,10 +354,14 @@ def write_json(path: Path, law: Law) -> list[Path]:
             "friction": law.order.friction.coefficient,
             "poisson_in_shear": law.order.friction.poisson,
         }
+    layer: dict[str, Any] = {}
+    if law.bodies.layered is not None:
+        layer = _layer_in_json(law.bodies.layered, law.order.layer_in)
     document: dict[str, Any] = {
         "format": "asperity contact law",
         "version": FORMAT_VERSION,
         "e_star_MPa": law.bodies.e_star,
+        **layer,
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
         **gas,
@@ -382,6 +390,17 @@ def write_json(path: Path, law: Law) -> list[Path]:
         document["population"] = law.sampled.in_json
     write(path, json_text(document))
     return [path]
+
+
+def _layer_in_json(layered: LayeredBody, layer_in: LayerPlace) -> dict[str, Any]:
+    """Return the layer of a law for JSON, with the place of its uniform compression."""
+    return {
+        "layer": {
+            **columns_of_layer(layered.body),
+            "compression_um_per_MPa": layered.layer_compliance,
+            "compression_is_in": layer_in,
+        }
+    }
 
 
 def _table_in_json(table: Curves) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from gen.law.accuracy import deviations_with_errors
 from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
 from gen.law.curves import risen, trend
+from gen.law.layer import compliance_in_law
 from gen.law.lines import LEVEL, Column, Deviation, Line
 from gen.material import Friction
 from gen.options import BAND_SIDES, Units
@@ -674,9 +675,12 @@ def description(
     yield f"Made by asperity {VERSION} {git_commit()[:12]}"
     for note in law.notes:
         yield f"How: {note}"
+    contents = "these tables are the interface's alone"
+    if compliance_in_law(law.order, law.bodies) > 0:
+        contents = "these tables are those of interface and layer together"
     yield (
         "Overclosure is counted from first touch: let the two meshes just touch where the highest"
-        " asperities do. The elastic bodies are the mesh's; these tables are the interface's alone."
+        f" asperities do. The elastic bodies are the mesh's; {contents}."
     )
     between = "the table is a straight line"
     if program == "4c":

@@ -22,6 +22,7 @@ from gen.law.contact_law import (
     with_contacts_between,
 )
 from gen.law.curves import APART, Curves, risen
+from gen.law.layer import check_layer
 from gen.law.multilevel import PILOT, Level, Planner
 from gen.law.order import ARGUMENTS, Load, Order
 from gen.law.population import (
@@ -89,6 +90,7 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     assert scene is not None  # `_only_scene` has refused other inputs
     bodies = bodies_of(order, subjects)
     order.refuse_impossible(bodies.hardness)
+    check_layer(order, bodies)
     sampler = Sampler(
         order=order,
         scene=scene,

@@ -10,7 +10,8 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.maps.bodies import Opposite
 from gen.maps.settings import Reading
-from gen.material import Friction, Gas, loads_from
+from gen.material import Friction, Gas, LayeredBody, loads_from
+from gen.options import LayerPlace
 from gen.quantities import (
     ALSO,
     ALWAYS_IN_LAWS,
@@ -54,6 +55,11 @@ class Order:
     e_star: float | None = None
     # Hardness of the softer body [MPa]; None to take that of the scenes, which may have none.
     hardness: float | None = None
+    # Bodies with a layer, whose E* is `e_star`; None to take those of the scenes, if these have a
+    # layer and `e_star` is None.
+    layered: LayeredBody | None = None
+    # What has the uniform compression of a layer: the mesh, or the closure of the law.
+    layer_in: LayerPlace = "mesh"
     # Boundary of the patches; None for the usual one of `gen.law.surfaces`.
     boundary: Boundary | None = None
     # Conductivities of both bodies [W/(m K)]; None for a law without conductance of spots.
@@ -66,7 +72,7 @@ class Order:
     stiffness: bool = False  # True for the stiffness; conductivities add it, too
     # True for the area in the continuum, and the error of the grid in it.
     grid_error: bool = False
-    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # Largest relative errors of answers, by their names in `bem.answers.ANSWERS` [1], for which
     # contacts are solved on the coarsest grid that gives them; None for the grid of the surface. Of
     # a scene they are the errors of the means over its population.
     errors: Mapping[str, float] | None = None

@@ -12,12 +12,13 @@ from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts
 from gen.law.accuracy import with_bands
 from gen.law.curves import APART, Points
+from gen.law.layer import compliance_in_law, with_compression
 from gen.law.order import Load, Order
 from gen.law.surfaces import LawSurface
 from gen.maps.contacts import prepared_surface, solve_loads
 from gen.material import Bodies
 from gen.quantities import AREA, CONTINUUM, LOADS, MEAN_GAP
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, input_errors
 from gen.runtime.terminal import RunProgress
 
 LONG = 10**6
@@ -232,15 +233,16 @@ class LawSolver:
         """Leave out displacements at which an elastic patch without edges is in full contact.
 
         Such a patch is in full contact at a Delta that is its mean gap at first touch, and the
-        solver has no solution beyond.
+        solver has no solution beyond, unless a uniform pressure displaces the bodies.
         """
         if load != "delta" or self.bodies.hardness is not None:
             return PossibleLoads(loads, remarks=[])
-        gaps = [
-            surface.at_rest()[MEAN_GAP.in_laws]
-            for surface in self.surfaces
-            if surface.boundary != "free"
-        ]
+        with input_errors():  # from a body that does not go with a surface
+            gaps = [
+                surface.at_rest()[MEAN_GAP.in_laws]
+                for surface in self.surfaces
+                if surface.posed(self.bodies).has_most_delta
+            ]
         full = min(gaps, default=np.inf)
         possible = loads[loads < (1 - APART) * full]
         if possible.size == loads.size:
@@ -289,7 +291,7 @@ class LawSolver:
         InputError is raised if a quantity of a contact overflows.
         """
         settings = {
-            "modulus": self.bodies.e_star,
+            **self.bodies.elastic_settings,
             "hardness": self.bodies.hardness,
             **surface.settings,
         }
@@ -342,6 +344,7 @@ class LawSolver:
             remarks = _unresolved_remark(surface, load, loads, contacts)
         if self.order.errors is not None:
             points = with_bands(points, self.order.errors, load)
+        points = with_compression(points, compliance_in_law(self.order, self.bodies))
         return SolvedSurface(
             name=surface.name,
             points=points,

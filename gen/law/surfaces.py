@@ -12,6 +12,7 @@ from gen.generators.scans import ScanSurface
 from gen.law.order import Order
 from gen.maps.bodies import Opposite, read_surface
 from gen.maps.read import Topography, files_in
+from gen.material import Bodies, LayeredBody
 from gen.quantities import BODIES_ALONE, MEAN_GAP, Media, Quantity, patch_compliance
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
@@ -26,6 +27,10 @@ SOLVER_SETTINGS = ("kernel", "far_field", "rtol", "max_iterations")
 """Settings in the table `[contact]` of a scene with which its law solves contacts, too."""
 
 
+UNIT_BODIES = Bodies(e_star=1.0)
+"""Half-spaces of E* = 1 MPa, for answers that do not depend on the bodies."""
+
+
 @dataclass(frozen=True, eq=False)
 class LawSurface(Topography):
     """A surface of a law."""
@@ -38,18 +43,23 @@ class LawSurface(Topography):
         """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
         return float(self.spacing[0] * self.spacing[1] * self.heights.size)
 
-    def posed(self, e_star: float = 1.0) -> Problem:
+    def posed(self, bodies: Bodies = UNIT_BODIES) -> Problem:
         """Pose the contact of the surface with a flat one at first touch.
 
         Parameters
         ----------
-        e_star : float
-            E* of the bodies [MPa].
+        bodies : Bodies
+            Material of the bodies; their hardness is left out.
 
         Returns
         -------
         bem.problem.Problem
             The problem, with a force of 0.
+
+        Raises
+        ------
+        ValueError
+            If a layer does not go with the settings of the surface, or is too thin for its cells.
         """
         return pose(
             self.heights,
@@ -58,7 +68,7 @@ class LawSurface(Topography):
             force=0.0,
             spacing=self.spacing,
             boundary=self.boundary,
-            modulus=e_star,
+            **bodies.elastic_settings,
             kernel=self.settings.get("kernel", "uniform-pressure"),
             far_field=self.settings.get("far_field", "rigid"),
         )
@@ -95,20 +105,26 @@ class LawSurface(Topography):
             if quantity.at_rest is not None
         }
 
-    def patch_compliance(self, e_star: float) -> float:
+    def patch_compliance(self, bodies: Bodies) -> float:
         """Compute how far a flat punch that fills the patch sinks, per unit of mean pressure.
 
         Parameters
         ----------
-        e_star : float
-            E* of the bodies [MPa].
+        bodies : Bodies
+            Material of the bodies.
 
         Returns
         -------
         float
-            Compliance [um / MPa]; 0 for a patch without edges, or on a compliant far field.
+            Compliance [um / MPa]. It is 0 on a compliant far field, and for a patch without edges
+            unless a layer lies on a rigid base.
+
+        Raises
+        ------
+        ValueError
+            As `posed`.
         """
-        return patch_compliance(self.posed(e_star))
+        return patch_compliance(self.posed(bodies))
 
 
 @dataclass(frozen=True)
@@ -181,20 +197,44 @@ class LawSurfaces:
         Raises
         ------
         InputError
-            If all inputs are scenes, and have different moduli, or a layer.
+            If all inputs are scenes, and have different moduli.
         """
         scenes = self._scenes_alone()
         if not scenes:
             return None  # files do not give a modulus
-        if any(scene.contact.layer is not None for scene in scenes):
-            raise InputError(
-                "laws are those of half-spaces: leave out the scenes with [contact.layer]"
-            )
         moduli = {scene.contact.e_star for scene in scenes}
         if len(moduli) > 1:
             listed = " and ".join(f"{modulus:g}" for modulus in sorted(moduli))
             raise InputError(f"the scenes have E* = {listed} MPa: give one with --e-star")
         return moduli.pop()
+
+    def layered_body(self) -> LayeredBody | None:
+        """Return the layered body that all inputs share.
+
+        Returns
+        -------
+        LayeredBody or None
+            The body; None if no input is a scene with a layer.
+
+        Raises
+        ------
+        InputError
+            If a scene has a layer, and another input has none or another one; or if a scene draws
+            its layers.
+        """
+        shared: set[LayeredBody | None] = set()
+        for about in self.inputs:
+            layered: LayeredBody | None = None
+            if about.scene is not None:
+                layered = layered_body_of(about.scene, about.description)
+            shared.add(layered)
+        if len(shared) > 1:
+            raise InputError(
+                "a scene has a layer that not all inputs have: give the bodies of the law with"
+                " --layer-thickness, --layer-young and --young, or --layer-base rigid"
+            )
+        [layered] = shared
+        return layered
 
     def hardness_ratio(self) -> float | None:
         """Return the hardness over E* that all scenes share; no scene may draw a hardness.
@@ -231,6 +271,35 @@ class LawSurfaces:
         if len(scenes) < len(self.inputs):
             return []
         return scenes
+
+
+def layered_body_of(scene: Scene, description: str) -> LayeredBody | None:
+    """Return the layered body of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    description : str
+        Description of the input for the message of an error.
+
+    Returns
+    -------
+    LayeredBody or None
+        The body; None for half-spaces.
+
+    Raises
+    ------
+    InputError
+        If the scene draws its layers.
+    """
+    layer = scene.contact.layer
+    if layer is not None and layer.drawn:
+        raise InputError(
+            f"{description}: the scene draws its layers, and a law is that of one: give"
+            " contact.layer one thickness and one modulus"
+        )
+    return scene.contact.layered_body({})
 
 
 def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces:

@@ -38,7 +38,7 @@ def errors_from(text: str) -> dict[str, float]:
     Returns
     -------
     dict from str to float
-        Largest relative errors, by the names of the answers in `bem.accuracy.ANSWERS` [1].
+        Largest relative errors, by the names of the answers in `bem.answers.ANSWERS` [1].
 
     Raises
     ------
@@ -73,7 +73,7 @@ def quantity_of(name: str) -> Quantity:
     Parameters
     ----------
     name : str
-        Name of an answer in `bem.accuracy.ANSWERS`.
+        Name of an answer in `bem.answers.ANSWERS`.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def columns_of_error(name: str, parts: ErrorParts) -> dict[str, float]:
     Parameters
     ----------
     name : str
-        Name of the answer in `bem.accuracy.ANSWERS`.
+        Name of the answer in `bem.answers.ANSWERS`.
     parts : ErrorParts
         The error of this answer.
 

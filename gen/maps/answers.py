@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gen.maps import accuracy
 from gen.maps.limits import NODES_A_WAVE, MapLimits
-from gen.material import LAYER_COLUMNS, require_within
+from gen.material import LAYER_COLUMNS, columns_of_layer, require_within
 from gen.quantities import (
     CONDUCTANCE,
     CONTINUUM,
@@ -48,7 +48,7 @@ class AnswerOptions:
     friction: Friction | None = None
     # shear forces over the force at which the bodies slide [1], for which the slip is computed
     shares: tuple[float, ...] = ()
-    # Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1], for which
+    # Largest relative errors of answers, by their names in `bem.answers.ANSWERS` [1], for which
     # contacts are solved on the coarsest grid that gives them; None for the grid of the map.
     errors: Mapping[str, float] | None = None
 
@@ -217,29 +217,11 @@ def _about_the_bodies(contact: Contact) -> list[Answer]:
 
 def _about_the_layer(body: Body) -> list[Answer]:
     """Return the answers about the layer of a body and about its base; none for half-spaces."""
-    from bem.bodies import HalfSpace, Layered, Pair
-
-    if isinstance(body, Pair):  # the layer is that of the first body
-        body = body.first
-    if not isinstance(body, Layered):
-        return []
-    values: dict[str, float | str] = {
-        "layer_thickness_um": body.thickness,
-        "layer_young_MPa": body.modulus,
-        "layer_poisson": body.poisson,
-        "base": "rigid",
-    }
-    if isinstance(body.base, HalfSpace):
-        values |= {
-            "base": "elastic",
-            "base_young_MPa": body.base.modulus,
-            "base_poisson": body.base.poisson,
-        }
-    return [
-        Answer(column, values[column], heading.label, heading.unit)
-        for column, heading in LAYER_COLUMNS.items()
-        if column in values
-    ]
+    answers_about_it: list[Answer] = []
+    for column, number in columns_of_layer(body).items():
+        heading = LAYER_COLUMNS[column]
+        answers_about_it.append(Answer(column, number, heading.label, heading.unit))
+    return answers_about_it
 
 
 def _answers_of_quantity(
@@ -371,7 +353,7 @@ def _about_the_errors(contact: Contact, errors: Mapping[str, float]) -> list[Ans
 def _about_an_error(name: str, parts: ErrorParts) -> list[Answer]:
     """Return five answers [%]: the error that was reached, the one asked for, and three parts.
 
-    `name` is the name of the answer in `bem.accuracy.ANSWERS`. Only files have the last four,
+    `name` is the name of the answer in `bem.answers.ANSWERS`. Only files have the last four,
     because the first one states them in its unit.
     """
     noun = accuracy.quantity_of(name).noun

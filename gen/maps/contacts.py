@@ -114,7 +114,7 @@ def solve_loads(
     values : sequence of float
         One load or more, in any order [um, uN or MPa].
     errors : mapping from str to float, optional
-        Largest relative errors of answers, by their names in `bem.accuracy.ANSWERS` [1]. If they
+        Largest relative errors of answers, by their names in `bem.answers.ANSWERS` [1]. If they
         are given, the contact under each load is solved on the coarsest grid that gives them.
     prepared : bem.Surface, optional
         The surface from `prepared_surface` with the same settings, for contacts within errors; by

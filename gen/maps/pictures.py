@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.maps.joining import JoinedSpectrum
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.runtime.figure import save
@@ -293,6 +294,46 @@ def plot_surface(
         _plot_profile_spectra(profiles, spectrum)
     else:
         _plot_spectrum(bottom.subplots(), spectrum, fit, 2 * LETTERS)
+    save(figure, picture)
+
+
+def plot_joined(figure: Any, joined: JoinedSpectrum, picture: Path) -> None:
+    """Draw a joined spectrum, with the spectrum of each scan and the waves that it knows.
+
+    The picture is written to a file. An existing file is replaced.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        An empty figure, which is drawn into.
+    joined : JoinedSpectrum
+        The spectrum and its scans.
+    picture : Path
+        File of the picture.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    axis = figure.subplots()
+    fit = joined.fit
+    _plot_spectrum(axis, joined.spectrum, fit, 2 * LETTERS)
+    for number, scan in enumerate(joined.scans):
+        colour = f"C{number % 10}"
+        waves = scan.range
+        label = f"{shortened(scan.name)}: {waves.longest:.3g} to {waves.shortest:.3g} µm"
+        axis.loglog(
+            scan.whole.wavenumbers, scan.whole.density, color=colour, lw=0.8, alpha=0.7
+        )
+        axis.loglog(
+            scan.known.wavenumbers,
+            scan.known.density,
+            color=colour,
+            lw=2.5,
+            label=label.replace("$", r"\$"),
+        )
+    axis.legend(loc="lower left", fontsize="small")
     save(figure, picture)
 
 

@@ -1,7 +1,7 @@
 """Prepare a measured map for contact by the steps that the user chose, and record each step.
 
 Warnings name the reasons to distrust the prepared map: codes for missing heights, pits and spikes,
-a tilt, steep slopes, opposite borders that differ, and a lost unit.
+a tilt, lines at different heights, steep slopes, opposite borders that differ, and a lost unit.
 """
 
 from __future__ import annotations
@@ -17,6 +17,12 @@ from gen.arrays import Heights, Values
 from gen.doubts import STEEP, steep_slopes
 from gen.maps.codes import refuse_overflowing_heights, with_code_warnings
 from gen.maps.filters import filled, filtered, without_form
+from gen.maps.lines import (
+    shifts_of_lines,
+    with_line_warning,
+    without_straight_line,
+)
+from gen.maps.needs import MANY_SPIKES, MapNeeds, with_needed_steps
 from gen.maps.outliers import local_medians, scatter_of, with_outlier_warnings
 from gen.maps.read import BEYOND_INSTRUMENTS, NEAREST, WIDEST, Remedy, Topography
 from gen.maps.settings import KEYS, SPIKE, Reading, as_option, numbers_in
@@ -26,14 +32,15 @@ from gen.statistics import rms_slope
 # Nodes outside the ends of a crop by up to this distance [spacing] are kept, because the ends are
 # rounded.
 ROUNDING = 1e-9
-# share of all nodes above which nodes that were replaced as spikes are probably part of the surface
-MANY_SPIKES = 0.01
+# Smallest relative change of the rms height or the rms slope that the steps of `--prepare` report.
+REPORTED = 0.05
 
 
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    Only the steps that the settings name are taken. The order is that of metrologists. A map is
+    Only the steps that the settings name are taken, and with `prepare` those that the map needs
+    after it was cropped and masked. The order is that of metrologists. A map is
     masked before it is despiked, so that heights out of range are no part of a median. It is
     despiked before it is levelled, because spikes would bend the fit, and before its holes are
     filled from their rims. It is filtered afterwards, because a filter needs all nodes and no slope
@@ -61,29 +68,121 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
         them.
     """
     _refuse_two_forms(settings)
-    followed = topography.followed | _followed_steps(settings)
-    topography = replace(topography, followed=followed)
+    topography = _following(topography, settings)
     topography = _after_steps(topography, settings, "crop", "invert", "mask")
     refuse_overflowing_heights(topography)
+    as_measured = topography
+    if settings.prepare:
+        settings = _with_steps_for(topography, settings)
+        topography = _following(topography, settings)
     topography = _after_steps(topography, settings, "despike")
     topography = with_code_warnings(topography)
     topography = _with_span_warning(topography)
     measured = topography.heights
     topography = _after_steps(topography, settings, "level", "form", "fill", "fill_most")
     _refuse_holes(topography)
+    if settings.prepare:
+        effect = effect_of_steps(as_measured, topography)
+        if effect:
+            topography = replace(topography, steps=(*topography.steps, effect))
     untilted = _without_tilt(topography)
     topography = with_outlier_warnings(topography, measured, untilted)
+    topography = with_line_warning(topography)
     topography = _after_steps(topography, settings, "filter", "downsample")
     return _with_tilt_warning(topography)
 
 
 def _refuse_two_forms(settings: Reading) -> None:
-    """Raise InputError if both a level and a form are to be subtracted."""
-    if settings.level and settings.form is not None:
+    """Raise InputError if both a level and a form are to be subtracted.
+
+    Lines may be shifted to each other before a form is subtracted.
+    """
+    if settings.level not in {"", "lines"} and settings.form is not None:
         raise InputError(
             f"--level {settings.level} and --form {settings.form} given: give one; forms"
             " of degree 1 and 2 are levels too"
         )
+
+
+def _following(topography: Topography, settings: Reading) -> Topography:
+    """Return the map whose warnings advise none of the steps that the settings take."""
+    followed = topography.followed | _followed_steps(settings)
+    return replace(topography, followed=followed)
+
+
+def needed_steps(topography: Topography, settings: Reading) -> Reading:
+    """Choose the steps that `--prepare` takes for a map: those of `gen scene`.
+
+    Parameters
+    ----------
+    topography : Topography
+        The map as it was read.
+    settings : Reading
+        The settings of the user, whose steps overrule the chosen ones.
+
+    Returns
+    -------
+    Reading
+        The settings with the chosen steps.
+
+    Raises
+    ------
+    InputError
+        If a setting does not suit the map.
+    """
+    part = _after_steps(topography, settings, "crop", "invert", "mask")
+    return _with_steps_for(part, settings)
+
+
+def _with_steps_for(part: Topography, settings: Reading) -> Reading:
+    """Return the settings with the steps that a cropped and masked map needs."""
+    return with_needed_steps(settings, [MapNeeds.of(part.heights)])
+
+
+def effect_of_steps(as_measured: Topography, prepared: Topography) -> str:
+    """Say by how much the steps of a preparation have changed the roughness of a map.
+
+    Parameters
+    ----------
+    as_measured : Topography
+        The map before the steps, which may have holes.
+    prepared : Topography
+        The map after the steps, without holes.
+
+    Returns
+    -------
+    str
+        A sentence with rms height and rms slope before and after; "" if neither has changed by
+        more than the share `REPORTED`.
+    """
+    height_before = float(np.nanstd(as_measured.heights))
+    height = float(prepared.heights.std())
+    slope_before = rms_slope(as_measured.heights, as_measured.spacing)
+    slope = rms_slope(prepared.heights, prepared.spacing)
+    changes = []
+    if is_changed(height_before, height):
+        changes.append(f"the rms height from {height_before:.3g} to {height:.3g} um")
+    if is_changed(slope_before, slope):
+        changes.append(f"the rms slope from {slope_before:.3g} to {slope:.3g}")
+    if not changes:
+        return ""
+    return f"these steps change {' and '.join(changes)}"
+
+
+def is_changed(before: float, after: float) -> bool:
+    """Tell whether the steps of a preparation have changed a number enough to report it.
+
+    Parameters
+    ----------
+    before, after : float
+        The number without and with the steps, in the same unit; 0 or more.
+
+    Returns
+    -------
+    bool
+        Whether it has changed by more than the share `REPORTED`.
+    """
+    return abs(after - before) > REPORTED * before
 
 
 def _followed_steps(settings: Reading) -> frozenset[str]:
@@ -408,12 +507,15 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
 def levelled(topography: Topography, level: str) -> Topography:
     """Subtract the mean of the measured nodes, or a plane or quadratic fitted to them.
 
+    Before the plane, lines along x may be shifted to each other.
+
     Parameters
     ----------
     topography : Topography
         The map.
-    level : {"mean", "plane", "quadratic"}
-        What is subtracted.
+    level : {"mean", "plane", "quadratic", "lines"}
+        What is subtracted. "lines" shifts each line along x until its median difference from the
+        line before it is 0, and then subtracts a plane.
 
     Returns
     -------
@@ -424,6 +526,8 @@ def levelled(topography: Topography, level: str) -> Topography:
     if level == "mean":
         mean = float(np.nanmean(heights))
         return topography.changed(heights - mean, f"levelled by the mean, {mean:.6g} um")
+    if level == "lines":
+        return _levelled_by_lines(topography)
     plane = least_squares(topography)
     fit = plane
     if level == "quadratic":
@@ -431,6 +535,20 @@ def levelled(topography: Topography, level: str) -> Topography:
     tilt = f"tilt was {plane.tilt.x:.4g} along x, {plane.tilt.y:.4g} along y"
     step = f"levelled by a {level} ({tilt})"
     return topography.changed(heights - fit.heights, step)
+
+
+def _levelled_by_lines(topography: Topography) -> Topography:
+    """Shift the lines of a map to each other, and subtract a plane."""
+    shifts = shifts_of_lines(topography.heights)
+    heights = topography.heights - shifts
+    plane = least_squares(replace(topography, heights=heights))
+    tilt = least_squares(topography).tilt
+    off = _rms(without_straight_line(shifts))
+    step = (
+        f"levelled by lines along x, which were off by {off:.4g} um (rms), then by a plane (tilt"
+        f" was {tilt.x:.4g} along x, {tilt.y:.4g} along y)"
+    )
+    return topography.changed(heights - plane.heights, step)
 
 
 def downsampled(topography: Topography, nodes: int) -> Topography:

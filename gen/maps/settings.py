@@ -137,6 +137,10 @@ KEYS = {
         help="Name or index of a channel of the file.", metavar="NAME", table=READ
     ),
     "override_scale": Key(help="Let --side and --unit overrule those of the file."),
+    "prepare": Key(
+        help="Despike, level and fill as the map needs it, as gen scene does; --despike, --level"
+        " and --form overrule it."
+    ),
     "crop": Key(
         help="Keep only this part, in um from the first node, as 100:900,0:500.",
         metavar="X0:X1,Y0:Y1",
@@ -161,11 +165,12 @@ KEYS = {
         suits=lambda threshold: 0 < threshold < math.inf,
     ),
     "level": Key(
-        help="Subtract the mean, plane or quadratic fit over the measured nodes.",
+        help="Subtract the mean, plane or quadratic fit over the measured nodes; lines: first shift"
+        " lines along x by their median differences.",
         metavar="HOW",
         table=PREPARED,
-        words="one of 'mean', 'plane', 'quadratic'",
-        suits=lambda level: level in {"mean", "plane", "quadratic"},
+        words="one of 'mean', 'plane', 'quadratic', 'lines'",
+        suits=lambda level: level in {"mean", "plane", "quadratic", "lines"},
     ),
     "form": Key(
         help=f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
@@ -218,6 +223,17 @@ class FileReading:
 
 
 @dataclass(frozen=True)
+class SceneReading(FileReading):
+    """Settings by which `gen scene` reads maps, and steps that it else chooses itself.
+
+    The fields are options of the command. `KEYS` describes them.
+    """
+
+    despike: float | None = None
+    level: str = ""
+
+
+@dataclass(frozen=True)
 class Reading(FileReading):
     """Settings by which a map is read and prepared; by default it is not prepared.
 
@@ -226,6 +242,7 @@ class Reading(FileReading):
     """
 
     override_scale: bool = False
+    prepare: bool = False
     fill: bool = False
     fill_most: bool = False
     level: str = ""
@@ -290,6 +307,22 @@ class Reading(FileReading):
             Value of each key of the table, in the order of `KEYS`.
         """
         return {name: getattr(self, name) for name in keys(table)}
+
+    @property
+    def options_of_steps(self) -> str:
+        """The steps of the preparation as options of commands, as "--level plane --fill".
+
+        The text is "" if there is no step.
+        """
+        options = []
+        for name, value in self.values_of(PREPARED).items():
+            if value is True:
+                options.append(as_option(name))
+            elif isinstance(value, float):
+                options.append(as_option(f"{name} {value:g}"))
+            elif value:
+                options.append(as_option(f"{name} {value}"))
+        return " ".join(options)
 
 
 def _end(text: str) -> float | None:

@@ -136,7 +136,7 @@ class SelfAffineFit:
         return math.log10(self.spectrum.roll_off / self.spectrum.cut_off)
 
 
-def radial_spectrum(topography: Topography) -> RadialSpectrum:
+def radial_spectrum(topography: Topography, ends: Values | None = None) -> RadialSpectrum:
     """Compute the power spectrum of a surface and average it over directions.
 
     If the patch is not periodic, its heights are multiplied by a Hann window, because steps between
@@ -146,6 +146,8 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     ----------
     topography : Topography
         The surface, without holes.
+    ends : ndarray, shape (bins + 1,), optional
+        Rising wavenumbers at which bins end [1/um]; by default they suit the map.
 
     Returns
     -------
@@ -153,7 +155,7 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
         The spectrum. Bins without a wave are left out; there is no bin (arrays of length 0) if the
         map has too few nodes for one.
     """
-    waves = radial_waves(topography)
+    waves = radial_waves(topography, ends)
     return RadialSpectrum(
         wavenumbers=waves.wavenumbers,
         edges=waves.edges,
@@ -164,20 +166,23 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     )
 
 
-def radial_waves(topography: Topography) -> RadialWaves:
+def radial_waves(topography: Topography, ends: Values | None = None) -> RadialWaves:
     """Compute the power spectrum of a surface without those of its profiles.
 
     Parameters
     ----------
     topography : Topography
         The surface, without holes.
+    ends : ndarray, shape (bins + 1,), optional
+        Rising wavenumbers at which bins end [1/um]; by default they suit the map.
 
     Returns
     -------
     RadialWaves
         The waves, as in `radial_spectrum`.
     """
-    ends = _bin_ends(topography)
+    if ends is None:
+        ends = _bin_ends(topography)
     if ends.size < 2:
         empty = np.empty(0)
         return RadialWaves(
@@ -422,11 +427,31 @@ def fit_self_affine(
     reason = _reason_without_fit(topography, spectrum, aspect)
     if reason:
         return reason
+    return fit_spectrum(spectrum, float(np.std(topography.heights)))
+
+
+def fit_spectrum(spectrum: RadialSpectrum, rms_height: float) -> SelfAffineFit | str:
+    """Fit the self-affine law to a radial power spectrum alone.
+
+    Parameters
+    ----------
+    spectrum : RadialSpectrum
+        The spectrum of a surface without a lay, with a density above 0.
+    rms_height : float
+        The rms height of the surface about its mean [um].
+
+    Returns
+    -------
+    SelfAffineFit or str
+        The law, or the reason why there is none, as of `fit_self_affine`.
+    """
+    if spectrum.wavenumbers.size <= FEWEST_BINS:
+        return f"its spectrum has {spectrum.wavenumbers.size} bins, too few for a law"
     law = _log_spectrum(spectrum).best_law()
     scatter = math.exp(law.scatter)
     if scatter > LARGEST_SCATTER:
         return f"the spectrum is off the nearest one by a factor of {scatter:.2g}"
-    fit = _fit_of(law, topography, spectrum)
+    fit = _fit_of(law, rms_height, spectrum)
     if fit.decades < LEAST_DECADES:
         return (
             f"the spectrum follows a power law over {fit.decades:.3g} decades of"
@@ -607,9 +632,7 @@ class _LogSpectrum:
         return np.arange(self.wavenumbers.size) >= earliest
 
 
-def _fit_of(
-    law: _LogLaw, topography: Topography, spectrum: RadialSpectrum
-) -> SelfAffineFit:
+def _fit_of(law: _LogLaw, rms_height: float, spectrum: RadialSpectrum) -> SelfAffineFit:
     """Convert a law in logarithms into lengths [um] and densities [um^4], with remarks."""
     first, second = np.log(spectrum.wavenumbers[:2]).tolist()
     longest = float(2 * math.pi / spectrum.wavenumbers[0])
@@ -634,7 +657,7 @@ def _fit_of(
     )
     return SelfAffineFit(
         spectrum=law_spectrum,
-        rms_height=float(np.std(topography.heights)),
+        rms_height=rms_height,
         level=float(spectrum.density.max()) * math.exp(log_level),
         longest=longest,
         scatter=math.exp(law.scatter),

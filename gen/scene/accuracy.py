@@ -175,7 +175,7 @@ def _asked_columns(accuracy: Iterable[str]) -> list[str]:
 
 
 def answer_of(key: str) -> str:
-    """Return the name in `bem.accuracy.ANSWERS` of the answer whose error a key asks for.
+    """Return the name in `bem.answers.ANSWERS` of the answer whose error a key asks for.
 
     Parameters
     ----------

@@ -20,13 +20,13 @@ from pydantic import (
 
 from gen.distribution import Distribution, Table, conflict, limits
 from gen.generators import GENERATORS, TAGS, Surface
+from gen.quantities import LAYER_MODULUS
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.accuracy import Accuracy, completed_for_accuracy
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
-from gen.schema import LAYER_MODULUS
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
 
 THINNEST = 0.2
@@ -129,19 +129,32 @@ class Scene(Table):
         self._require_layers_that_free_patches_have()
         return self
 
-    def _require_layers_that_free_patches_have(self) -> None:
-        """Refuse layers that are too thin for the cells of a free patch."""
+    def fault_of_layer(self) -> str:
+        """Tell why a layer is too thin for the cells of a free patch.
+
+        Returns
+        -------
+        str
+            The reason; "" if no layer is too thin for the grid of the contacts.
+        """
         layer = self.contact.layer
         if layer is None or self.contact.boundary != "free":
-            return
+            return ""
         thinnest_allowed = THINNEST * max(self.grid.spacing)
         thinnest = limits(layer.thickness).smallest
-        if thinnest < thinnest_allowed:
-            raise conflict(
-                f"contact.layer.thickness goes down to {thinnest:g} um: on a free patch a layer has"
-                f" {thinnest_allowed:g} um at least, {THINNEST:g} of a cell; give"
-                " contact.boundary = 'periodic' or 'mirror'"
-            )
+        if thinnest >= thinnest_allowed:
+            return ""
+        return (
+            f"contact.layer.thickness goes down to {thinnest:g} um: on a free patch a layer has"
+            f" {thinnest_allowed:g} um at least, {THINNEST:g} of a cell; give"
+            " contact.boundary = 'periodic' or 'mirror'"
+        )
+
+    def _require_layers_that_free_patches_have(self) -> None:
+        """Refuse layers that are too thin for the cells of a free patch."""
+        fault = self.fault_of_layer()
+        if fault:
+            raise conflict(fault)
 
     def _require_one_modulus_for_relative_loads(self) -> None:
         """Refuse loads over E* if every sample has an E* of its own."""
@@ -160,8 +173,6 @@ class Scene(Table):
         fault = self.surface.fault_of_accuracy()
         if fault:
             raise conflict(f"accuracy: {fault}")
-        if self.contact.layer is not None:
-            raise conflict("accuracy is that of half-spaces: leave out contact.layer")
         for key, needed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
             value = getattr(self.contact, key)
             if value != needed:

@@ -21,12 +21,12 @@ from gen.distribution import (
 )
 from gen.doubts import material_doubts
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, checked_names
-from gen.material import Bodies
-from gen.quantities import stored_quantities
-from gen.schema import LAYER_MODULUS, LAYER_THICKNESS
+from gen.material import Bodies, ElasticBody, LayeredBody
+from gen.material import Layer as BondedLayer
+from gen.quantities import LAYER_MODULUS, LAYER_THICKNESS, stored_quantities
 
 if TYPE_CHECKING:
-    from bem import HalfSpace, Layered
+    from bem import Layered
 
 Quantity = Literal[
     "delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"
@@ -67,10 +67,14 @@ class Layer(Table):
     base: Literal["elastic", "rigid"] = "elastic"
 
     @property
+    def numbers(self) -> dict[str, Distribution]:
+        """Thickness [um] and modulus [MPa], drawn or not, by the names of their columns."""
+        return {LAYER_THICKNESS: self.thickness, LAYER_MODULUS: self.modulus}
+
+    @property
     def drawn(self) -> dict[str, Distribution]:
         """Distributions of the numbers that are drawn for every sample, by the names of columns."""
-        numbers = {LAYER_THICKNESS: self.thickness, LAYER_MODULUS: self.modulus}
-        return {name: number for name, number in numbers.items() if is_drawn(number)}
+        return {name: number for name, number in self.numbers.items() if is_drawn(number)}
 
 
 def _span_text(distribution: Distribution) -> str:
@@ -147,8 +151,8 @@ class Contact(Table):
                 "hardness_ratio needs one E*, and layer.modulus is drawn: give hardness [MPa]"
             )
 
-    def body(self, layer_numbers: Mapping[str, float]) -> "Layered | None":
-        """Return the layered body of a sample.
+    def layered_body(self, layer_numbers: Mapping[str, float]) -> LayeredBody | None:
+        """Return the layer of a sample, and what it lies on.
 
         Parameters
         ----------
@@ -158,28 +162,44 @@ class Contact(Table):
 
         Returns
         -------
-        bem.Layered or None
-            The body; None for half-spaces.
+        LayeredBody or None
+            The layered body, pressed against a rigid one; None for half-spaces.
         """
         if self.layer is None:
             return None
-        import bem  # here, so that commands that solve nothing do not wait for it
-
-        base: HalfSpace | Literal["rigid"] = "rigid"
+        base: ElasticBody | None = None
         if self.layer.base == "elastic":
-            base = bem.HalfSpace(self.modulus, self.poisson)
+            base = ElasticBody(young=self.modulus, poisson=self.poisson)
         # Drawn numbers take the places of the smallest ones; a number that is fixed has no others.
         numbers = {
             LAYER_THICKNESS: limits(self.layer.thickness).smallest,
             LAYER_MODULUS: limits(self.layer.modulus).smallest,
             **layer_numbers,
         }
-        return bem.Layered(
+        layer = BondedLayer(
             thickness=numbers[LAYER_THICKNESS],
-            modulus=numbers[LAYER_MODULUS],
-            poisson=self.layer.poisson,
-            base=base,
+            material=ElasticBody(numbers[LAYER_MODULUS], self.layer.poisson),
+            on_rigid=base is None,
         )
+        return LayeredBody(layer=layer, base=base, other=None)
+
+    def body(self, layer_numbers: Mapping[str, float]) -> "Layered | None":
+        """Return the layered body of a sample as `bem.solve` takes it.
+
+        Parameters
+        ----------
+        layer_numbers : mapping of str to float
+            Drawn numbers of its layer, see `layered_body`.
+
+        Returns
+        -------
+        bem.Layered or None
+            The body; None for half-spaces.
+        """
+        layered = self.layered_body(layer_numbers)
+        if layered is None:
+            return None
+        return layered.alone
 
     def _require(self, key: str, allowed: str) -> None:
         """Raise an error unless a key has the only value allowed on a patch without edges."""
@@ -200,6 +220,15 @@ class Contact(Table):
             low, high = limits(self.layer.modulus)
             return math.sqrt(low) * math.sqrt(high) / (1 - self.layer.poisson**2)
         return self.modulus / (1 - self.poisson**2)
+
+    @property
+    def e_star_limits(self) -> tuple[float, float]:
+        """Smallest and largest E* of the samples, equal unless a layer's modulus is drawn [MPa]."""
+        if self.layer is None:
+            return self.e_star, self.e_star
+        low, high = limits(self.layer.modulus)
+        compressed = 1 - self.layer.poisson**2
+        return low / compressed, high / compressed
 
     @property
     def layer_text(self) -> str:

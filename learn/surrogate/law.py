@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bem.problem import Boundary
 from gen.arrays import Values
 from gen.law import Law, Order
 from gen.law.contact_law import STEPS, Making, Tables, law_of, mean_at_rest
@@ -45,17 +46,24 @@ from gen.law.curves import (
     tabulated,
     trend,
 )
+from gen.law.layer import check_layer, compliance_in_law, with_compression
 from gen.law.order import ARGUMENTS, Load
 from gen.law.surfaces import LawInput, LawSurface, LawSurfaces, read_law_surfaces
 from gen.material import Bodies
-from gen.quantities import DELTA, MEAN_GAP, PRESSURE, STIFFNESS
+from gen.quantities import CLOSURE, DELTA, MEAN_GAP, PRESSURE, STIFFNESS
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import shown
 from learn.surrogate.inversion import at_arguments, at_pressures
-from learn.surrogate.law_points import LoadedPatch, of_interface, points_of
+from learn.surrogate.law_bodies import bodies_of_parameters, bodies_of_surfaces
+from learn.surrogate.law_points import (
+    LoadedPatch,
+    has_mean_gap,
+    of_interface,
+    points_of,
+)
 from learn.surrogate.level import level_note, level_of
 from learn.surrogate.model import OnSurface, Surrogate
 
@@ -77,6 +85,12 @@ COARSE_GAP = (
     " with --target area,force,mean_gap"
 )
 """Warning of a law of bodies that yield whose surrogate has not learnt the mean gap."""
+
+NO_GAP = (
+    "the mean gap is left out, because it follows from the force on half-spaces only: fit a"
+    " surrogate with --target area,force,mean_gap"
+)
+"""Note of a law of layered bodies whose surrogate has not learnt the mean gap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +167,8 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
         # surfaces are not in the law; they are computed at a level that the calibration reaches.
         interval_level = min(order.coverage, surrogate.largest_level)
         remarks.append(PREDICTED_BAND)
-    bodies = _bodies(surrogate, order, law_surfaces)
+    bodies = bodies_of_surfaces(surrogate, order, law_surfaces)
+    check_layer(order, bodies)
     settings = LawSettings(order=order, bodies=bodies, interval_level=interval_level)
     if kind == "pressure":
         pressures = loads.get("pressure")
@@ -224,11 +239,8 @@ def law_of_parameters(
     load_name = surrogate.features.load
     rows = surrogate.of_numbers({**numbers, load_name: law_loads * learnt_per_load})
     answer = surrogate.predict_rows(rows, level=interval_level)
-    bodies = Bodies(
-        e_star=surrogate.modulus,
-        hardness=_hardness(surrogate, numbers),
-        has_modulus=True,  # The scene fixes E*.
-    )
+    bodies = bodies_of_parameters(surrogate, numbers)
+    check_layer(order, bodies)
     loaded = LoadedPatch(patch=patch, bodies=bodies, kind=kind, loads=law_loads)
     points = points_of(loaded, answer, order.also)
     settings = LawSettings(order=order, bodies=bodies, interval_level=interval_level)
@@ -257,11 +269,6 @@ def _learnt_load(
     by kind. Raises InputError if the surrogate has not learnt a load or a target that the law
     needs, or if the order gives loads that the surrogate cannot answer for.
     """
-    if "layer" in surrogate.card:
-        raise InputError(
-            f"the surrogate holds for a layer of {surrogate.card['layer']}: laws are those of"
-            " half-spaces"
-        )
     load = surrogate.features.load
     kind: Load = "delta" if load == "delta" else "pressure"
     result = "force" if kind == "delta" else "delta"
@@ -349,21 +356,6 @@ def _level_remarks(surrogate: Surrogate, order: Order, level: float) -> list[str
     return [note] if note else []
 
 
-def _bodies(surrogate: Surrogate, order: Order, law_surfaces: LawSurfaces) -> Bodies:
-    """Return the bodies of a law of surfaces.
-
-    E* is that of the order, or else of the training. The hardness is that of the order, or else of
-    the scenes, or else of the training. Raises InputError if the surrogate cannot predict these
-    bodies.
-    """
-    hardness = order.hardness
-    if hardness is None:
-        ratio = law_surfaces.hardness_ratio()
-        if ratio is not None:
-            hardness = ratio * (order.e_star or surrogate.modulus)
-    return surrogate.bodies(order.e_star, hardness)
-
-
 def _trained_pressures(surrogate: Surrogate, bodies: Bodies) -> Values:
     """Return `STEPS` pressures [MPa] over the range of the training, at equal ratios."""
     # In cards of surrogates by pressure, "delta" has the smallest and largest p L / E* [um].
@@ -392,21 +384,6 @@ def _patch_of_scene(
     )
 
 
-def _hardness(surrogate: Surrogate, numbers: Mapping[str, float]) -> float | None:
-    """Return the hardness of a scene's contacts [MPa]; None for elastic bodies.
-
-    `numbers` have it as "hardness" [MPa] or "hardness_ratio" (over E*) if it is a feature.
-    Otherwise it is the smallest hardness of the training, usually its only one.
-    """
-    if "hardness" in numbers:
-        return numbers["hardness"]
-    limits = surrogate.hardness_limits  # over E*
-    if limits is None:
-        return None
-    ratio = numbers.get("hardness_ratio", limits[0])
-    return ratio * surrogate.modulus
-
-
 def _tables_by_pressure(
     surfaces: Sequence[PredictedSurface], pressures: Values, settings: LawSettings
 ) -> Tables:
@@ -431,10 +408,11 @@ def _tables_over_learnt_loads(
     """
     smoothed = [monotone(of_surface) for of_surface in points]
     parts = [
-        _with_stiffness(smooth.points, patch, settings)
+        _completed(smooth.points, patch, settings)
         for smooth, patch in zip(smoothed, patches, strict=True)
     ]
-    at_rest = _gap_at_rest(parts)
+    boundary = patches[0].boundary
+    at_rest = _gap_at_rest([smooth.points for smooth in smoothed], boundary)
     tables: dict[Load, Curves] = {}
     for load in ARGUMENTS:
         if load == kind:
@@ -449,16 +427,20 @@ def _tables_over_learnt_loads(
     )
 
 
-def _gap_at_rest(parts: Sequence[Points]) -> dict[str, float]:
+def _gap_at_rest(parts: Sequence[Points], boundary: Boundary) -> dict[str, float]:
     """Return the mean gap at first touch [um], by its name in laws, as the mean over the surfaces.
 
-    It is taken to be the sum of gap and Delta at the first load, which is exact for a patch without
-    edges. It is 0 if the points have no mean gap.
+    Without edges it is the sum of gap and closure, also at the first load. On a free patch it is
+    taken to be the sum of gap and Delta at the first load, which is not exact. It is 0 if the
+    points have no mean gap.
     """
     gap = MEAN_GAP.in_laws
     if gap not in parts[0].values:
         return {gap: 0.0}
-    first = [part.values[gap][0] + part.values[DELTA.in_laws][0] for part in parts]
+    approach = CLOSURE.in_laws
+    if boundary == "free":
+        approach = DELTA.in_laws
+    first = [part.values[gap][0] + part.values[approach][0] for part in parts]
     return {gap: float(np.mean(first))}
 
 
@@ -514,11 +496,9 @@ def _predicted(
     Raises InputError if a prediction is not finite.
     """
     bodies = settings.bodies
-    answer = surface.on_surface.predict(
-        loads,
-        e_star=bodies.e_star,
-        hardness=bodies.hardness,
-        level=settings.interval_level,
+    rows = surface.on_surface.rows(loads, bodies)
+    answer = surface.on_surface.surrogate.predict_rows(
+        rows, e_star=bodies.e_star, level=settings.interval_level
     )
     for name, predictions in answer.values.items():
         is_finite = np.isfinite(predictions)
@@ -580,7 +560,7 @@ def _tables_by_delta(
     )
     remarks = _training_warnings(over_delta)
     remarks += _monotony_warnings(over_delta, [law.smoothed for law in laws])
-    remarks += _gap_warnings(surfaces[0].on_surface.surrogate, settings.bodies)
+    remarks += _gap_warnings(surfaces[0], settings.bodies)
     extended = [law.extended for law in laws]
     if pressures is None:
         shared = _shared_pressures(over_delta, extended)
@@ -618,9 +598,18 @@ def _law_of_surface(
         extended = continued(smoothed.points, at_larger)
     return SurfaceLaw(
         smoothed=smoothed,
-        points=_with_stiffness(smoothed.points, surface.patch, settings),
-        extended=_with_stiffness(extended, surface.patch, settings),
+        points=_completed(smoothed.points, surface.patch, settings),
+        extended=_completed(extended, surface.patch, settings),
     )
+
+
+def _completed(points: Points, patch: LawSurface, settings: LawSettings) -> Points:
+    """Add the stiffness that the order needs, and the compression of a layer if the law has it.
+
+    Raises InputError if bodies that yield need a stiffness that was not learnt.
+    """
+    stiff = _with_stiffness(points, patch, settings)
+    return with_compression(stiff, compliance_in_law(settings.order, settings.bodies))
 
 
 def _with_stiffness(points: Points, patch: LawSurface, settings: LawSettings) -> Points:
@@ -640,7 +629,7 @@ def _with_stiffness(points: Points, patch: LawSurface, settings: LawSettings) ->
             " area,force,stiffness, or solve the law"
         )
     slope = slopes(points.values[DELTA.in_laws], points.values[PRESSURE.in_laws], 0.0)
-    compliance = patch.patch_compliance(settings.bodies.e_star)
+    compliance = patch.patch_compliance(settings.bodies)
     stiffness = of_interface(slope, compliance)
     return replace(points, values={**points.values, STIFFNESS.in_laws: stiffness})
 
@@ -659,9 +648,13 @@ def _training_warnings(over_delta: Curves) -> list[str]:
     return [warning]
 
 
-def _gap_warnings(surrogate: Surrogate, bodies: Bodies) -> list[str]:
-    """Warn of the mean gap of bodies that yield, unless it was learnt; at most one line."""
-    if bodies.hardness is None or MEAN_GAP.name in surrogate.learnt:
+def _gap_warnings(surface: PredictedSurface, bodies: Bodies) -> list[str]:
+    """Warn of a mean gap that is coarse or left out, unless it was learnt; at most one line."""
+    if MEAN_GAP.name in surface.on_surface.surrogate.learnt:
+        return []
+    if not has_mean_gap(surface.patch, bodies):
+        return [NO_GAP]
+    if bodies.hardness is None:
         return []
     return [COARSE_GAP]
 

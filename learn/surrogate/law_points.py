@@ -43,11 +43,12 @@ class LoadedPatch:
     # surrogate predicts from the numbers of a scene.
     surface: SurfaceFeatures | None = None
     # Compliance of the patch under a flat punch that fills it [um / MPa]; set by `__post_init__`.
+    # Without edges it is 0, or the mean compliance of a layer on a rigid base.
     patch_compliance: float = field(init=False)
 
     def __post_init__(self) -> None:
         """Set the compliance of the patch."""
-        patch_compliance = self.patch.patch_compliance(self.bodies.e_star)
+        patch_compliance = self.patch.patch_compliance(self.bodies)
         # The class is frozen, so that an ordinary assignment would be refused.
         object.__setattr__(self, "patch_compliance", patch_compliance)
 
@@ -79,7 +80,8 @@ def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> P
     # A mean gap that is not predicted follows from the force and from coarse contacts.
     means: CoarseMeans | None = None
     needs_means = loaded.kind == "delta" and MEAN_GAP.name not in answer.values
-    if needs_means and loaded.surface is not None:
+    has_means = has_mean_gap(loaded.patch, loaded.bodies)
+    if needs_means and has_means and loaded.surface is not None:
         means = _coarse_means(loaded.surface, loaded.loads, loaded.bodies)
     values = _quantities(loaded, answer.values, means, also)
     low = _quantities(loaded, answer.low, means, also)
@@ -93,6 +95,29 @@ def points_of(loaded: LoadedPatch, answer: Prediction, also: Sequence[str]) -> P
         del low[quantity.in_laws]
         del high[quantity.in_laws]
     return Points(values=values, low=low, high=high, reasons=answer.reasons)
+
+
+def has_mean_gap(patch: LawSurface, bodies: Bodies) -> bool:
+    """Return whether a mean gap that was not learnt follows from the force.
+
+    The coarse contact solves are those of half-spaces. On layers they are only used where they do
+    not matter: elastic bodies on a patch without edges have a mean displacement that is known.
+
+    Parameters
+    ----------
+    patch : LawSurface
+        The patch.
+    bodies : Bodies
+        The bodies.
+
+    Returns
+    -------
+    bool
+        True for half-spaces, and for elastic layered bodies on a patch without edges.
+    """
+    if bodies.layered is None:
+        return True
+    return patch.boundary != "free" and bodies.hardness is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +170,11 @@ def _quantities(
         force = targets["force"] / loaded.bodies.e_star  # [um2]
         # mean over the patch [um]
         displacement = means.relative_compliance * force / means.length
+        if (
+            loaded.patch.boundary != "free"
+        ):  # a uniform pressure may displace the whole patch
+            pressure = quantities[PRESSURE.in_laws]
+            displacement = displacement + loaded.patch_compliance * pressure
         gap = means.gap + displacement + means.yielded_depth
         quantities[MEAN_GAP.in_laws] = np.maximum(gap, 0.0)
     # A law has the stiffness of the interface per area. A learnt stiffness of unloading is that of

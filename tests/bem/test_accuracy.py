@@ -9,6 +9,7 @@ import pytest
 
 import bem
 from bem.accuracy import grids, on_coarser_map
+from bem.answers import ANSWERS
 from bem.coarsening import Coarsening
 from bem.problem import pose
 from bem.solving import solve_posed
@@ -167,6 +168,28 @@ def test_each_answer_has_an_error_of_its_own():
     assert contact.problem.rtol == pytest.approx(0.001)
 
 
+def test_a_map_of_a_few_nodes_is_refused_with_its_nodes():
+    with pytest.raises(bem.NotReachable, match="2 x 2 nodes are too few"):
+        bem.solve_within(np.zeros((2, 2)), 1.0, 0.1, force=0.1)
+
+
+def test_the_part_of_the_solver_holds_what_its_tolerance_changes():
+    asked = dict.fromkeys(("area", "mean_gap", "stiffness", "delta"), 0.3)
+    inside = []
+    for boundary in BOUNDARIES:
+        heights = map_of_waves(96, boundary)
+        for pressure in (0.003, 0.03):
+            contact = bem.solve_within(
+                heights, 1.0, asked, pressure=pressure, boundary=boundary
+            )
+            exact = solve_posed(replace(contact.problem, rtol=1e-12))
+            for name, parts in contact.budget.errors.items():
+                value = ANSWERS[name].value
+                error = abs(value(contact) / value(exact) - 1)
+                inside.append(error <= parts.solver + 1e-12)
+    assert np.mean(inside) >= 0.9  # of 24, of which 95 % are promised
+
+
 def test_the_budget_says_what_was_tried():
     contact = bem.solve_within(
         map_of_waves(192, "periodic"), 1.0, 0.02, pressure=0.01, boundary="periodic"
@@ -195,6 +218,69 @@ def test_a_map_that_is_far_from_the_error_is_refused_on_fewer_nodes():
     with pytest.raises(bem.NotReachable, match="all nodes were not expected") as info:
         bem.solve_within(heights, 1.0, 1e-6, pressure=0.01, boundary="periodic")
     assert max(trial.nodes[0] for trial in info.value.budget.trials) < 192
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize(
+    "body",
+    [
+        bem.Layered(0.04, 0.02, 0.5, "rigid"),
+        bem.Layered(0.3, 30.0, 0.3, bem.HalfSpace(1.0)),
+        (bem.Layered(0.3, 0.1, 0.3, bem.HalfSpace(1.0)), bem.HalfSpace(0.2)),
+    ],
+)
+def test_layers_are_answered_within_the_error(boundary, body):
+    heights = map_of_waves(240, boundary)
+    modulus = pose(heights, 1.0, 1.0, body=body).modulus
+    setting = {"pressure": 0.006 * modulus, "body": body, "boundary": boundary}
+    full = bem.solve(heights, 1.0, **setting)
+    contact = bem.solve_within(heights, 1.0, 0.03, **setting)
+    assert contact.pressure.size < heights.size / 2
+    area = full.continuum_area_percent
+    assert contact.continuum_area_percent == pytest.approx(area, rel=0.03)
+
+
+def test_a_layer_of_the_material_below_takes_the_grid_of_the_half_space():
+    heights = map_of_waves(240, "mirror")
+    setting = {"pressure": 0.006, "boundary": "mirror"}
+    alone = bem.solve_within(heights, 1.0, 0.03, modulus=1.0, poisson=0.3, **setting)
+    body = bem.Layered(0.05, 1.0, 0.3, bem.HalfSpace(1.0, 0.3))
+    contact = bem.solve_within(heights, 1.0, 0.03, body=body, **setting)
+    assert contact.budget.nodes == alone.budget.nodes
+    assert contact.budget.errors["area"].waves == pytest.approx(
+        alone.budget.errors["area"].waves
+    )
+
+
+def test_tolerances_are_tighter_where_a_free_patch_settles():
+    """On a soft base the patch under a hard layer settles by far more than its roughness."""
+    heights = map_of_waves(96, "free")
+    body = bem.Layered(0.3, 30.0, 0.3, bem.HalfSpace(1.0))
+    contact = bem.solve_within(heights, 1.0, {"delta": 0.03}, pressure=0.2, body=body)
+    ratio = contact.problem.settlement_ratio
+    assert ratio > 10
+    assert contact.problem.rtol <= 0.003 / ratio
+    assert contact.grid_error().coarse.problem.rtol <= 0.003 / ratio
+    for other in (bem.HalfSpace(30.0), bem.Layered(0.3, 0.1, 0.3, "rigid")):
+        assert replace(contact.problem, body=other).settlement_ratio == 1
+    assert replace(contact.problem, boundary="mirror").settlement_ratio == 1
+
+
+def test_grids_whose_cells_are_no_smaller_than_the_layer_are_not_solved(monkeypatch):
+    heights = map_of_waves(240, "periodic")
+    setting = {"pressure": 0.006, "boundary": "periodic"}
+    body = bem.Layered(0.01, 30.0, 0.3, bem.HalfSpace(1.0))
+    contact = bem.solve_within(heights, 1.0, 0.03, body=body, **setting)
+    assert contact.problem.is_deeper_than_cells
+    nodes = bem.solve_within(heights, 1.0, 0.03, **setting).budget.nodes
+    spacing = 1 / nodes[0], 1 / nodes[1]
+    assert not replace(contact.problem, spacing=spacing).is_deeper_than_cells
+    monkeypatch.setattr("bem.accuracy.solve_posed", lambda *_: pytest.fail("a solve"))
+    with pytest.raises(bem.NotReachable, match=r"a cell .* is no smaller than the layer"):
+        bem.solve_within(
+            heights, 1.0, 0.03, body=replace(body, thickness=1e-3), **setting
+        )
 
 
 def test_bodies_that_yield_are_answered():

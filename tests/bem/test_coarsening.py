@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import fft
 
+from bem import HalfSpace, Layered
 from bem.coarsening import Coarsening, sampled_lines
 
 BOUNDARIES = ("periodic", "mirror", "free")
@@ -45,6 +46,23 @@ def test_the_dropped_share_is_that_of_the_mean_square_slope(boundary, nodes):
     line = np.cos(5 * turns * x) + 2 / 8 * np.cos(40 * turns * x)
     coarsening = Coarsening(np.add.outer(line, np.zeros(96)), boundary, 1.5)
     assert coarsening.on((nodes, 96)).dropped == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("modulus", [0.03, 30.0])
+def test_the_dropped_share_is_weighted_by_the_pressure_that_flattens(boundary, modulus):
+    """Two waves of 5 and 40 periods with equal slopes, on a soft and on a hard layer."""
+    turns = np.pi if boundary == "mirror" else 2 * np.pi
+    x, _ = places_of((256, 96), boundary)
+    line = np.cos(5 * turns * x) + np.cos(40 * turns * x) / 8
+    body = Layered(3.0, modulus, 0.3, HalfSpace(1.0))
+    dropped = Coarsening(np.add.outer(line, np.zeros(96)), boundary, 1.5, body)
+    pressure = body.stiffness(turns / 256 * np.array([5.0, 40.0])) * np.array([1, 1 / 8])
+    expected = pressure[1] ** 2 / (pressure**2).sum()
+    # Slopes of a free map are those between neighbouring nodes of some lines.
+    precise = 0.25 if boundary == "free" else 1e-9
+    nodes = 72 if boundary != "mirror" else 36
+    assert dropped.on((nodes, 96)).dropped == pytest.approx(expected, rel=precise)
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])

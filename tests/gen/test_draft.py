@@ -14,7 +14,7 @@ import pytest
 from bench.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
-from gen.draft.survey import find_spikes
+from gen.maps.needs import find_spikes
 from gen.scene import load
 from gen.schema import Status
 

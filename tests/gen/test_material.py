@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import bem
+from bem.bodies import Pair
 from bem.checks import LARGEST as LARGEST_COMPUTED
 from gen.maps.answers import require_conductivities
 from gen.material import (
@@ -142,13 +143,32 @@ def test_e_star_of_a_layer_is_that_of_its_own_material():
     assert bodies.e_star == pytest.approx(2.4 / (1 - 0.45**2))
     both = Bodies.with_layer(LAYER, [2e5, 10.0], [0.3, 0.5], None, None)
     assert both.e_star == pytest.approx(1 / (1 / bodies.e_star + (1 - 0.5**2) / 10))
-    assert both.text == f"E* = {both.e_star:.6g} MPa, layer of 5 um"
+    assert both.text == f"E* = {both.e_star:.6g} MPa, layer of {both.layered.text}"
+
+
+def test_a_layer_is_named_with_what_lies_below_and_above_it():
+    both = Bodies.with_layer(LAYER, [2e5, 10.0], [0.3, 0.5], None, None)
+    layer = "5 um of 2.4 MPa (Poisson's ratio 0.45)"
+    below = "200000 MPa (Poisson's ratio 0.3)"
+    other = "10 MPa (Poisson's ratio 0.5)"
+    assert both.layered.text == f"{layer} on {below}, against {other}"
+    rigid = Bodies.with_layer(LAYER._replace(on_rigid=True), None, None, None, None)
+    assert rigid.layered.text == f"{layer} on a rigid base"
+
+
+def test_a_uniform_pressure_compresses_a_layer_alike_on_any_base():
+    """Under uniaxial strain: h (1 + nu) (1 - 2 nu) / ((1 - nu) E)."""
+    elastic = Bodies.with_layer(LAYER, [2e5, 10.0], [0.3, 0.5], None, None).layered
+    rigid = elastic._replace(base=None, other=None)
+    expected = 5.0 * 1.45 * 0.1 / (0.55 * 2.4)
+    assert elastic.layer_compliance == pytest.approx(expected, rel=1e-12)
+    assert rigid.layer_compliance == elastic.layer_compliance
 
 
 def test_a_layer_becomes_the_body_that_the_solver_takes():
     layered = Bodies.with_layer(LAYER, [2e5, 10.0], [0.3, 0.5], None, None).layered
     on_steel = bem.Layered(5.0, 2.4, 0.45, bem.HalfSpace(2e5, 0.3))
-    assert layered.body == (on_steel, bem.HalfSpace(10.0, 0.5))
+    assert layered.body == Pair(on_steel, bem.HalfSpace(10.0, 0.5))
     rigid = Bodies.with_layer(LAYER._replace(on_rigid=True), None, None, None, None)
     assert rigid.layered.body == bem.Layered(5.0, 2.4, 0.45, "rigid")
 

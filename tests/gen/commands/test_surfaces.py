@@ -104,7 +104,6 @@ ON_STEEL = (*LAYER, "--young", "2e5", "--boundary", "periodic")
         ((*ON_STEEL, "--far-field", "compliant"), "--far-field: leave it out with"),
         ((*ON_STEEL, "--kernel", "concentrated-force"), "--kernel: leave it out"),
         ((*ON_STEEL, "--conductivity", "1"), "on half-spaces only"),
-        ((*ON_STEEL, "--error", "3%"), "are those of half-spaces"),
         (
             (*ON_STEEL, "--young", "2e5", "--friction", "0.3"),
             "--friction: leave it out with --layer-thickness",

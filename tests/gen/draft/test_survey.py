@@ -1,12 +1,10 @@
-"""Surveys of maps: what their files hold, and which of their nodes are spikes."""
+"""Surveys of maps: what their files hold, and which of them can be used."""
 
 import numpy as np
 import pytest
 
-from bench.made_maps import MAPS, measured, write
-from gen.draft.survey import common_threshold, find_spikes, measure, survey_maps
-from gen.maps.prepare import despiked
-from gen.maps.read import Topography
+from bench.made_maps import MAPS, write
+from gen.draft.survey import measure, survey_maps
 from gen.maps.settings import Reading
 
 pytest.importorskip("SurfaceTopography")
@@ -66,36 +64,3 @@ def test_a_map_without_roughness_is_left_out(saved):
     measured_map = measure(flat, Reading(side="10"))
     assert measured_map.topography is None
     assert "check the unit" in measured_map.survey.fault
-
-
-SOME = [made for made in MAPS if made.number in {2, 3}]
-
-
-@pytest.mark.long
-def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
-    maps = [measured(made) for made in SOME]
-    threshold = common_threshold([find_spikes(heights) for heights in maps])
-    assert threshold is not None
-    for made, heights in zip(SOME, maps, strict=True):
-        clear = despiked(Topography("map", heights, (1.0, 1.0)), threshold)
-        moved = (clear.heights != heights) & ~np.isnan(heights)
-        assert np.count_nonzero(moved) == made.faults.spikes
-
-
-def test_many_spikes_and_those_that_no_gap_parts_are_found():
-    random = np.random.default_rng(5)
-    rough = random.normal(size=(200, 200))
-    many = rough.copy()
-    many.flat[random.choice(many.size, 300, replace=False)] += 40.0
-    assert find_spikes(many).number == 300
-    tail = rough.copy()
-    tail.flat[random.choice(tail.size, 8, replace=False)] = 10.0 * 1.7 ** np.arange(8)
-    assert find_spikes(tail).number >= 5
-    assert find_spikes(rough).number == 0
-
-
-def test_a_map_of_half_flat_parts_has_no_division_by_zero():
-    heights = np.zeros((40, 40))
-    heights[20:] = 1.0
-    heights[5, 5] = 30.0
-    assert find_spikes(heights).number == 1

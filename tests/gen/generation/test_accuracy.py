@@ -91,7 +91,7 @@ def errors_of_rows(scene, finer=4):
     for row, load in enumerate(plan.load):
         areas = []
         for on in (scene, fine):
-            settings = settings_of(on, plan.hardness_of(row))
+            settings = settings_of(on, plan.hardness_of(row), plan.layer_of(row))
             heights = surface_of(on, plan, row)
             contact = bem.solve(heights, on.grid.sides, pressure=load, **settings)
             areas.append(contact.continuum_area_percent)
@@ -103,6 +103,36 @@ def test_rows_lie_within_the_error_of_a_finer_grid():
     scene = completed(Scene.parse(SCENE, "test"))
     errors = errors_of_rows(scene)
     assert np.mean(errors <= 0.05) >= 0.95
+
+
+LAYER = """[contact.layer]
+thickness = { log_uniform = [1.5, 20.0] }
+modulus = [5.0, 20.0]
+poisson = 0.3
+"""
+"""Layers that are harder than their base, on which the modulus of surfaces is not 1 MPa."""
+
+
+@pytest.mark.long
+def test_rows_on_layers_lie_within_the_error_and_their_cells_are_smaller_than_a_layer():
+    text = SCENE.replace("[0.005, 0.02]", "[0.1, 0.3]") + LAYER
+    scene = completed(Scene.parse(text, "test"))
+    assert np.mean(errors_of_rows(scene) <= 0.05) >= 0.95
+    planned = planned_contacts(scene.model_copy(update={"samples_per_surface": 1}))
+    for row in range(planned.load.size):
+        body = scene.contact.body(planned.layer_of(row))
+        assert body.is_deeper_than_cells(scene.grid.spacing)
+    thicknesses = planned.layer["layer_thickness"]
+    assert thicknesses.min() < 1.7
+    assert thicknesses.max() > 17
+
+
+def test_a_layer_as_thin_as_the_finest_cells_is_refused():
+    layer = LAYER.replace("{ log_uniform = [1.5, 20.0] }", "0.01")
+    with pytest.raises(
+        InputError, match="a cell of this grid is no smaller than the layer"
+    ):
+        completed(Scene.parse(SCENE + layer, "test"))
 
 
 def test_the_grid_is_that_of_the_scene_without_its_seed_and_samples():

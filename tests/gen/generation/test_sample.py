@@ -332,12 +332,6 @@ def test_layers_too_thin_for_a_free_patch_are_refused():
         Scene.parse(text.replace('"periodic"', '"free"'), "test")
 
 
-def test_an_accuracy_is_that_of_half_spaces():
-    text = LAYERED.format(layer="thickness = 1.0\nmodulus = 1.0", material="")
-    with pytest.raises(InputError, match=r"leave out contact\.layer"):
-        Scene.parse(text + "[accuracy]\ndelta = 0.05\n", "test")
-
-
 def test_a_relative_load_needs_one_modulus():
     text = LAYERED.format(layer="thickness = 1.0\nmodulus = [1.0, 2.0]", material="")
     with pytest.raises(InputError, match="give 'pressure'"):

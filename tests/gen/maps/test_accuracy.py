@@ -19,6 +19,7 @@ from tests.bem.waves import random_waves
 ROUGH = generate("diamond-square", 17, 0.7, 5.0, np.random.default_rng(4))
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
 PERIODIC = ["--e-star", "1e4", "--boundary", "periodic"]
+COATED = [*STEEL, "--layer-thickness", "60", "--layer-young", "1e6"]
 
 
 @pytest.fixture
@@ -27,10 +28,10 @@ def surface(here):
     return "rough.npy"
 
 
-def answered_within(options):
+def answered_within(options, bodies=PERIODIC):
     """Press waves of 1/8 of the side on 128 nodes a side with some options, and return the row."""
     np.save("fine.npy", 1000 * random_waves(1, 8, 0.8, 1)(128))
-    command = ["contact", "fine.npy", "--side", "1000", *PERIODIC, "--pressure", "300"]
+    command = ["contact", "fine.npy", "--side", "1000", *bodies, "--pressure", "300"]
     assert cli.main([*command, *options, "--csv", "fine.csv"]) == 0
     return pd.read_csv("fine.csv").iloc[0]
 
@@ -70,6 +71,16 @@ def test_an_answer_within_an_error_is_that_of_all_nodes():
     }.items():
         assert row[column] == pytest.approx(full[column], rel=error)
     assert not [name for name in full.index if "solved_" in name or "relative" in name]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_contact_on_a_layer_has_its_error():
+    bodies = [*COATED, "--boundary", "periodic"]
+    row = answered_within(["--error", "3%"], bodies)
+    full = answered_within([], bodies)
+    assert row.solved_nodes_x < 128
+    area = full.continuum_area_percent
+    assert row.continuum_area_percent == pytest.approx(area, rel=0.03)
 
 
 @pytest.mark.usefixtures("here")

@@ -1,0 +1,358 @@
+"""Join the power spectra of scans of one surface at different magnifications.
+
+Each scan knows the waves between a longest one, a share of its side, and a shortest one, a few
+nodes or what its instrument resolves. Where several scans know a wave, their densities are averaged
+with the weight of the number of their waves [1]_. Scans of one surface agree there within chance;
+scans that do not are named.
+
+References
+----------
+.. [1] T. D. B. Jacobs, T. Junge, L. Pastewka, Quantitative characterization of surface topography
+   using spectral analysis, Surface Topography: Metrology and Properties 5, 013001, 2017.
+.. [2] A. Sanner, W. G. Noehring, L. A. Thimons, T. D. B. Jacobs, L. Pastewka, Scale-dependent
+   roughness parameters for topography analysis, Applied Surface Science Advances 7, 100190, 2022.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from gen.arrays import Heights, Values
+from gen.maps.read import Topography
+from gen.maps.texture import (
+    MISFIT,
+    RadialSpectrum,
+    SelfAffineFit,
+    fit_spectrum,
+    lay_of,
+    radial_spectrum,
+)
+from gen.runtime.documents import Row
+from gen.runtime.errors import InputError
+
+# Periods of the longest wave that a scan knows on its shorter side. Levelling takes power out of
+# longer waves.
+FEWEST_PERIODS = 3.0
+# Nodes in the shortest wave that a scan knows. Shorter waves get power from waves that are too
+# short for the nodes: at 4 nodes 4 to 20 % for Hurst exponents of 0.8 to 0.3, at 3 nodes twice so.
+FEWEST_NODES = 4.0
+BIN_RATIO = 1.2  # ratio of the largest to the smallest wavenumber of a bin
+# A tip leaves its own shape on summits whose curvature is above this share of the tip's [2].
+TIP_CURVATURE = 0.5
+# Scans disagree if the densities of their common waves differ by more than this factor, and by more
+# than this number of standard deviations.
+DISAGREEING = 1.5
+DEVIATIONS = 3.0
+# share of the waves that are independent: neighbouring waves share power through the window
+INDEPENDENT = 0.5
+
+
+@dataclass(frozen=True)
+class WaveRange:
+    """The waves that a scan knows."""
+
+    shortest: float  # shortest wavelength [um]
+    longest: float  # longest wavelength [um]
+    limit: str  # what limits the shortest wave: "nodes", "resolution" or "tip"
+
+    @property
+    def smallest(self) -> float:
+        """Smallest wavenumber [1/um]."""
+        return 2 * math.pi / self.longest
+
+    @property
+    def largest(self) -> float:
+        """Largest wavenumber [1/um]."""
+        return 2 * math.pi / self.shortest
+
+
+def wave_range(topography: Topography) -> WaveRange:
+    """Return the waves that a scan knows.
+
+    Parameters
+    ----------
+    topography : Topography
+        The prepared scan, without holes.
+
+    Returns
+    -------
+    WaveRange
+        The range. It is empty (the shortest wave is the longer one) for scans of too few nodes, or
+        where the instrument resolves nothing of the scan.
+    """
+    sides = np.multiply(topography.heights.shape, topography.spacing)
+    shortest = FEWEST_NODES * max(topography.spacing)
+    limit = "nodes"
+    resolution = topography.instrument.cut_off
+    if resolution is not None and resolution > shortest:
+        shortest = resolution
+        limit = "resolution"
+    radius = topography.instrument.tip_radius
+    if radius is not None:
+        of_tip = shortest_by_tip(topography.heights, topography.spacing[0], radius)
+        if of_tip > shortest:
+            shortest = of_tip
+            limit = "tip"
+    longest = float(sides.min()) / FEWEST_PERIODS
+    return WaveRange(shortest=shortest, longest=longest, limit=limit)
+
+
+def shortest_by_tip(heights: Heights, spacing: float, radius: float) -> float:
+    """Return the length of the shortest summits along x that a tip has not rounded.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+    spacing : float
+        Distance of the nodes along x [um].
+    radius : float
+        Radius of the tip [um].
+
+    Returns
+    -------
+    float
+        Length over which the sharpest summit is flatter than `TIP_CURVATURE` times the tip [um]; 0
+        if it is so between neighbouring nodes, infinite if it is so over no length.
+    """
+    reach = 1  # distance of the outer nodes of a summit from its middle [nodes]
+    while 2 * reach < len(heights):
+        middle = heights[reach:-reach]
+        curvatures = heights[2 * reach :] - 2 * middle + heights[: -2 * reach]
+        sharpest = -float(curvatures.min()) / (reach * spacing) ** 2
+        if sharpest <= TIP_CURVATURE / radius:
+            return 2 * reach * spacing if reach > 1 else 0.0
+        reach += max(1, reach // 8)
+    return math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class ScanSpectrum:
+    """A scan, the waves that it knows, and its spectrum."""
+
+    topography: Topography
+    range: WaveRange
+    known: RadialSpectrum  # in those common bins that the scan knows
+    whole: RadialSpectrum  # in all common bins that the scan has waves in
+
+    @property
+    def name(self) -> str:
+        """Name of the scan, the path of its file."""
+        return self.topography.name
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedSpectrum:
+    """The spectrum of a surface, joined from several scans."""
+
+    scans: tuple[ScanSpectrum, ...]  # from the longest waves to the shortest
+    spectrum: RadialSpectrum  # the joined spectrum; bins that no scan knows are left out
+    # names of the scans that know each bin, in the order of the bins
+    contributors: tuple[tuple[str, ...], ...]
+    warnings: tuple[
+        str, ...
+    ]  # a line for each pair of scans that disagree, and for each gap
+
+    @property
+    def finest(self) -> ScanSpectrum:
+        """The scan that knows the shortest waves."""
+        return min(self.scans, key=lambda scan: scan.range.shortest)
+
+    @property
+    def rms_height(self) -> float:
+        """The rms height of the waves in the spectrum [um]."""
+        return math.sqrt(self._integral(power=1))
+
+    @property
+    def rms_slope(self) -> float:
+        """The rms slope of the waves in the spectrum [1]."""
+        return math.sqrt(self._integral(power=3))
+
+    def _integral(self, power: int) -> float:
+        """Integrate the density times a power of the wavenumber, over 2 pi, over all bins."""
+        spectrum = self.spectrum
+        first, last = spectrum.edges.T
+        ends = power + 1
+        weights = (last**ends - first**ends) / (2 * math.pi * ends)
+        return float(np.sum(spectrum.density * weights))
+
+    @property
+    def fit(self) -> SelfAffineFit | str:
+        """The self-affine law of the spectrum, or the reason why there is none."""
+        for scan in self.scans:
+            lay = lay_of(scan.topography)
+            if lay:
+                return f"{scan.name}: {lay}"
+        return fit_spectrum(self.spectrum, self.rms_height)
+
+    def rows(self) -> list[Row]:
+        """Return the table of the spectrum: a row for each bin, with the names of its scans."""
+        rows = []
+        for row, names in zip(self.spectrum.rows(), self.contributors, strict=True):
+            rows.append({**row, "scans": "; ".join(names)})
+        return rows
+
+
+def join(topographies: Sequence[Topography]) -> JoinedSpectrum:
+    """Join the spectra of scans of one surface.
+
+    Parameters
+    ----------
+    topographies : sequence of Topography
+        The prepared scans, without holes; at least two.
+
+    Returns
+    -------
+    JoinedSpectrum
+        The spectrum, with warnings of scans that disagree and of waves that no scan knows.
+
+    Raises
+    ------
+    InputError
+        If a scan knows no wave.
+    """
+    ranges = [wave_range(topography) for topography in topographies]
+    for topography, waves in zip(topographies, ranges, strict=True):
+        _require_waves(topography, waves)
+    smallest = min(waves.smallest for waves in ranges)
+    largest = max(waves.largest for waves in ranges)
+    number = max(1, round(math.log(largest / smallest) / math.log(BIN_RATIO)))
+    ends = np.geomspace(smallest, largest, number + 1)
+    scans = [
+        ScanSpectrum(
+            topography=topography,
+            range=waves,
+            known=radial_spectrum(topography, _ends_in(ends, waves)),
+            whole=radial_spectrum(topography, ends),
+        )
+        for topography, waves in zip(topographies, ranges, strict=True)
+    ]
+    scans.sort(key=lambda scan: scan.range.smallest)
+    spectrum = _mean_spectrum([scan.known for scan in scans])
+    contributors = tuple(
+        tuple(scan.name for scan in scans if first in scan.known.edges[:, 0])
+        for first in spectrum.edges[:, 0]
+    )
+    return JoinedSpectrum(
+        scans=tuple(scans),
+        spectrum=spectrum,
+        contributors=contributors,
+        warnings=(*_disagreements(scans), *_gaps(scans)),
+    )
+
+
+def _require_waves(topography: Topography, waves: WaveRange) -> None:
+    """Raise InputError if the range of a scan is empty, or the scan is flat."""
+    nx, ny = topography.heights.shape
+    if waves.shortest * BIN_RATIO > waves.longest:
+        raise InputError(
+            f"{topography.name}: {nx} x {ny} nodes with waves from {waves.shortest:.3g} um"
+            f" ({waves.limit}) to {waves.longest:.3g} um (a third of its side): too few to join"
+        )
+    if np.ptp(topography.heights) == 0.0:
+        raise InputError(f"{topography.name}: all its heights are equal")
+
+
+def _ends_in(ends: Values, waves: WaveRange) -> Values:
+    """Return the ends of the bins that are within a range of waves [1/um]."""
+    rounding = 1e-9
+    inside = (ends >= waves.smallest * (1 - rounding)) & (
+        ends <= waves.largest * (1 + rounding)
+    )
+    return np.asarray(ends[inside])
+
+
+def _mean_spectrum(spectra: Sequence[RadialSpectrum]) -> RadialSpectrum:
+    """Average spectra in common bins; each counts with the number of its waves in the bin."""
+    edges = np.unique(np.concatenate([spectrum.edges for spectrum in spectra]), axis=0)
+    waves = np.stack([_in_bins(edges, of, of.waves) for of in spectra])
+    logarithms = [_in_bins(edges, of, np.log(of.wavenumbers)) for of in spectra]
+    return RadialSpectrum(
+        wavenumbers=np.exp(_weighted_mean(np.stack(logarithms), waves)),
+        edges=edges,
+        density=_weighted_mean(
+            np.stack([_in_bins(edges, of, of.density) for of in spectra]), waves
+        ),
+        waves=waves.sum(axis=0),
+        along_x=_weighted_mean(
+            np.stack([_in_bins(edges, of, of.along_x) for of in spectra]), waves
+        ),
+        along_y=_weighted_mean(
+            np.stack([_in_bins(edges, of, of.along_y) for of in spectra]), waves
+        ),
+    )
+
+
+def _in_bins(edges: Values, spectrum: RadialSpectrum, values: Values) -> Values:
+    """Return values of a spectrum's bins in all bins: 0 in those that it lacks."""
+    table = np.zeros(len(edges))
+    table[np.searchsorted(edges[:, 0], spectrum.edges[:, 0])] = values
+    return table
+
+
+def _weighted_mean(tables: Values, waves: Values) -> Values:
+    """Return means over scans, which count with their waves; NaN where no scan has a value.
+
+    Both arrays have the shape (scans, bins); NaN among the values are left out.
+    """
+    weights = np.where(np.isnan(tables), 0.0, waves)
+    with np.errstate(invalid="ignore"):  # 0 / 0 in bins without values
+        return np.asarray(
+            np.sum(weights * np.nan_to_num(tables), axis=0) / weights.sum(axis=0)
+        )
+
+
+def _disagreements(scans: Sequence[ScanSpectrum]) -> list[str]:
+    """Return a line for each pair of scans whose densities differ where both know the waves."""
+    lines = []
+    for coarse, fine in combinations(scans, 2):
+        ratio = _ratio(coarse.known, fine.known)
+        if ratio is None:
+            continue
+        factor = max(ratio, 1 / ratio)
+        first = max(coarse.range.shortest, fine.range.shortest)
+        last = min(coarse.range.longest, fine.range.longest)
+        lines.append(
+            f"{coarse.name} and {fine.name} disagree by a factor of {factor:.2g} in waves of"
+            f" {first:.3g} to {last:.3g} um, which both know: scans of one surface, prepared"
+            " alike?"
+        )
+    return lines
+
+
+def _ratio(coarse: RadialSpectrum, fine: RadialSpectrum) -> float | None:
+    """Return the mean ratio of the densities of two scans if they disagree, otherwise None."""
+    common, places, places_of_fine = np.intersect1d(
+        coarse.edges[:, 0], fine.edges[:, 0], return_indices=True
+    )
+    if common.size == 0:
+        return None
+    logarithms = np.log(fine.density[places_of_fine] / coarse.density[places])
+    independent = INDEPENDENT * coarse.waves[places]
+    independent_of_fine = INDEPENDENT * fine.waves[places_of_fine]
+    variances = 1 / independent + 1 / independent_of_fine + 2 * MISFIT**2
+    weights = 1 / variances
+    mean = float(np.average(logarithms, weights=weights))
+    deviation = float(1 / np.sqrt(weights.sum()))
+    if abs(mean) <= max(math.log(DISAGREEING), DEVIATIONS * deviation):
+        return None
+    return math.exp(mean)
+
+
+def _gaps(scans: Sequence[ScanSpectrum]) -> list[str]:
+    """Return a line for each range of waves between those of scans that no scan knows."""
+    lines = []
+    shortest = scans[0].range.shortest
+    for scan in scans[1:]:
+        if scan.range.longest < shortest:
+            lines.append(
+                f"no scan knows waves of {scan.range.longest:.3g} to {shortest:.3g} um: the"
+                " spectrum has a gap"
+            )
+        shortest = min(shortest, scan.range.shortest)
+    return lines
