@@ -19,9 +19,6 @@ from gen.options import NOT_WITH_LAYER
 from gen.quantities import CLOSURE, PRESSURE, STIFFNESS
 from gen.runtime.errors import InputError
 
-NO_ERRORS = "laws within an error are those of half-spaces"
-"""Reason why laws of layered bodies have no errors that are asked for."""
-
 
 def compliance_in_law(order: Order, bodies: Bodies) -> float:
     """Return the compliance of the layer that the closure of a law contains.
@@ -133,8 +130,8 @@ def check_layer(order: Order, bodies: Bodies) -> None:
     Raises
     ------
     InputError
-        If the bodies have a layer and the order asks for conductances, shear or errors; or if they
-        have none and the order has a layer in the law.
+        If the bodies have a layer and the order asks for conductances or shear; or if they have
+        none and the order has a layer in the law.
     """
     if bodies.layered is None:
         if order.layer_in == "law":
@@ -143,8 +140,6 @@ def check_layer(order: Order, bodies: Bodies) -> None:
                 " [contact.layer]"
             )
         return
-    if order.errors is not None:
-        raise InputError(f"--error: leave it out with a layer: {NO_ERRORS}")
     requested = {"conductivity": order.conductivities, "friction": order.friction}
     for name, value in requested.items():
         if value is not None:

@@ -12,6 +12,7 @@ from bem.derived.stiffness import patch_stiffness
 from gen import cli
 from gen.maps.settings import Reading
 from gen.material import Bodies, ElasticBody, Layer
+from tests.bem.waves import random_waves
 from tests.maps import waves
 
 THICKNESS = 5.0
@@ -255,7 +256,6 @@ def test_a_scene_gives_the_layer_of_its_law(here, make):
     ("arguments", "message"),
     [
         (("s0.npy", *ON_STEEL, "--conductivity", "50"), "on half-spaces only"),
-        (("s0.npy", *ON_STEEL, "--error", "3%"), "are those of half-spaces"),
         (
             ("s0.npy", *ON_STEEL, "--friction", "0.3"),
             "from normal contacts on half-spaces",
@@ -281,4 +281,29 @@ def test_laws_that_layers_do_not_have_are_refused(here, capsys, arguments, messa
 def test_means_of_a_scene_with_a_layer_have_no_error(here, capsys):
     Path("layer.toml").write_text(SCENE.format(thickness="5.0"))
     assert cli.main(["law", "layer.toml", "--pressure", "0.1", "--error", "3%"]) == 2
-    assert "--error: leave it out with a layer" in capsys.readouterr().err
+    assert "within an error are those of half-spaces" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("layer_in", ["mesh", "law"])
+def test_a_law_on_a_layer_has_the_errors_that_were_asked_for(here, make, layer_in):
+    """The band of the closure is as wide as the error of Delta, which has the compression."""
+    np.save("fine.npy", 1000 * random_waves(1, 6, 0.8, 1)(96))
+    on = bodies(thickness=40.0, base=None)
+    settings = {
+        "pressure": "0.02,0.1",
+        "e_star": on.e_star,
+        "layered": on.layered,
+        "layer_in": layer_in,
+        "stiffness": True,
+        "reading": Reading(side="1000"),
+        "boundary": "periodic",
+        "grid_error": True,
+    }
+    full = make("fine.npy", **settings).over_pressure
+    law = make("fine.npy", errors={"area": 0.05, "delta": 0.02}, **settings)
+    within = law.over_pressure
+    assert (within.fewest_nodes(96**2)[1:] < 96**2).all()  # all but first touch
+    for name in ("continuum_area_percent", "closure_um"):
+        curve = within.curves[name]
+        assert (full.curves[name].value >= curve.low).all()
+        assert (full.curves[name].value <= curve.high).all()
