@@ -3,7 +3,9 @@
 The time of a contact grows with the square of its nodes a side, and an area to one per cent rarely
 needs all nodes of a map. `solve_within` therefore solves the same surface on fewer nodes. It begins
 with the fewest nodes for which the bars of `Contact.grid_error` are expected to be as short as
-asked, and refines until they are.
+asked, and refines until they are. Half of the nodes of a grid are solved first, which the bars need
+anyway: they tell the length of the border of contact, which makes most of the bar of an area, and
+give a start for the grid itself.
 
 A contact on fewer nodes stands for that of the given map in three ways:
 
@@ -629,7 +631,12 @@ class _Search:
 
 
 def _on_half_of_the_nodes(problem: Problem) -> Contact | None:
-    """Solve a problem with a datum on about every second node; None if it has no solution."""
+    """Solve a problem with a datum on about every second node; None if it has no solution.
+
+    It is None, too, if the nodes are too few to have a coarser grid.
+    """
+    if min(problem.heights.shape) < FEWEST:
+        return None
     try:
         half = coarser(problem)
         check_solvable(half)

@@ -225,8 +225,14 @@ class Coarsening:
 
     @computed_once
     def _unit(self) -> float:
-        """Power of two near the range of some lines: squares of heights in it stay finite [um]."""
-        largest = float(np.ptp(self.heights[:: max(1, len(self.heights) // LINES)]))
+        """Power of two in which squares of heights stay finite [um].
+
+        It is near the range of some lines, or near the mean if a few nodes elsewhere are far above.
+        """
+        range_of_lines = float(
+            np.ptp(self.heights[:: max(1, len(self.heights) // LINES)])
+        )
+        largest = max(range_of_lines, abs(self._mean - float(self.heights[0, 0])))
         return math.ldexp(1.0, math.frexp(largest)[1])
 
     @computed_once

@@ -1,5 +1,6 @@
 """The databases of the reports, which are generated unless the user gives one."""
 
+from importlib.resources import files
 from pathlib import Path
 
 from bench.report import remark
@@ -74,6 +75,24 @@ def _is_complete(path: Path, scene: Scene) -> bool:
             )
         status = reader.column("status", 0, scene.samples)
     return len(status) == scene.samples and bool((status != Status.PENDING).all())
+
+
+def preset_text(name: str) -> str:
+    """Read the scene of a preset, without its title and its numbers of rows.
+
+    Parameters
+    ----------
+    name : str
+        Name of the preset.
+
+    Returns
+    -------
+    str
+        Text of the scene (TOML), to which a line with `samples` can be prepended.
+    """
+    path = files("gen") / "scenes" / f"{name}.toml"
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith(("title", "samples")))
 
 
 def of_the_paper(database: Path | None, folder: Path, rows: int) -> Path:

@@ -79,14 +79,30 @@ def growth(nodes: Sequence[int], surfaces: int) -> Report:
     InputError
         If a number of nodes is not 2^k + 1, or is smaller than the first of `SEEKING_NODES`.
     """
+    require_nested(nodes)
+    return Report(
+        {"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)}
+    )
+
+
+def require_nested(nodes: Sequence[int]) -> None:
+    """Raise an error if nodes a side are not those of grids on which surfaces are nested.
+
+    Parameters
+    ----------
+    nodes : sequence of int
+        Nodes a side.
+
+    Raises
+    ------
+    InputError
+        If a number is not 2^k + 1, or is smaller than the first of `SEEKING_NODES`.
+    """
     for size in nodes:
         cells = size - 1
         is_power_of_two = not cells & (cells - 1)  # only one bit is set
         if size < SEEKING_NODES[0] or not is_power_of_two:
             raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
-    return Report(
-        {"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)}
-    )
 
 
 def cost(

@@ -158,7 +158,7 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     Returns
     -------
     str
-        The page (HTML). Retired parts are on it only if they have a record.
+        The page (HTML).
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -179,29 +179,19 @@ def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
     Parts that were not made are only in "missing". "judged" are the parts with verdicts, and
     "failures" is the number of rows that failed in all parts.
     """
-    shown = [part_to_show(part, inputs) for part in _present(parts, inputs)]
+    shown = [part_to_show(part, inputs) for part in parts]
     filled = [_filled(part) for part in shown if not part.is_missing]
     chapters = groupby(filled, key=lambda filled_part: filled_part.part.chapter)
     return {
         "output": inputs.output,
         "circumstances": circumstances(),
-        "states": states(_records_of_todays_parts(filled)),
+        "states": states([part.record for part in filled if part.contents]),
         "judged": [part for part in filled if part.has_verdicts],
         "failures": sum(part.failures for part in filled),
         "answers": lines(parts, inputs),
         "chapters": {chapter: list(group) for chapter, group in chapters},
         "missing": [missing.part for missing in shown if missing.is_missing],
     }
-
-
-def _present(parts: Sequence[Part], inputs: Inputs) -> list[Part]:
-    """Return the parts for the page: all, except for retired parts without a record."""
-    return [part for part in parts if not part.retired or read(inputs.path(part))]
-
-
-def _records_of_todays_parts(filled: list[FilledPart]) -> list[Record | None]:
-    """Return the records of the parts that have contents and are not retired."""
-    return [part.record for part in filled if part.contents and not part.part.retired]
 
 
 def states(records: Sequence[Record | None]) -> str:
@@ -341,12 +331,9 @@ def _how_made(shown: PartToShow) -> str:
         # `PUBLISHED` names a database that does not exist. A user gives one of the paper preset.
         command = command.replace("report/none.h5", "paper.h5")
         return f"Made by `{command}`."
-    retired = ""
-    if part.retired:
-        retired = f" The code up to commit {part.retired} has the command."
     return (
         f"Made by `{PUBLISHED.portable(part, record.command)}` on {record.machine.processor},"
-        f" {record.created[:10]}, commit {record.commit[:7]}.{retired}"
+        f" {record.created[:10]}, commit {record.commit[:7]}."
     )
 
 

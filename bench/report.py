@@ -96,14 +96,12 @@ class Part:
     show: Callable[[Path], Sequence[Content]]  # lists the contents of the part's folder
     # Name of another part, into whose folder the files are written; empty for a folder of its own.
     folder: str = ""
-    # Last commit whose code has the command of the part; empty if the present code has it.
-    retired: str = ""
     # True if exit code 1 reports a failed check; False if it reports an error.
     judges: bool = False
     # Processor time of the short run [s]; None if it has not been measured.
     seconds: float | None = None
-    # Time of the full run [min], if the published record is of another command than the full run's;
-    # otherwise 0.
+    # Time of the full run [min], if the published record is of another command than the full run's
+    # or of a busy machine; otherwise 0.
     minutes: float = 0
     beside: bool = False  # True if other parts may be made at the same time
     # Names of programs and distributions. If one is not installed, some rows are left out.

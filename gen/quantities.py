@@ -776,7 +776,7 @@ RECORDS: tuple[Quantity, ...] = (
     Quantity(
         name="closure",
         unit="um",
-        words="Delta without what the half-space behind a free patch gives way",
+        words="Delta less what a uniform pressure displaces the whole patch",
         read=_closure,
         powers=LIKE_HEIGHTS,
         noun="closure",

@@ -422,7 +422,7 @@ USABLE = 0.85
 # Memory of a process with its libraries, before any fit [bytes].
 PROCESS = 350 * MIB
 # Largest memory of a fit for each pair of training rows [bytes], by model. One matrix of double
-# precision has 8. This and the following numbers were measured (`bench memory`, at commit 10684ff).
+# precision has 8. `python -m bench memory` measures what this and the following numbers bound.
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 # Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
 FIXED_KERNEL = 0.52
@@ -434,6 +434,32 @@ TREE_ROWS = 10_000
 # Memory of each model without trees for at most `TREE_ROWS` training rows [MiB], in addition to
 # `PAIR_BYTES`: a cache of kernel rows, for example.
 OTHERS = 512
+
+
+def needed_memory(model: str, rows: int, *, baseline: bool = False) -> float:
+    """Return the memory that is reckoned with for a fit.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    rows : int
+        Number of training rows.
+    baseline : bool
+        True for the fit of a baseline, which needs less memory than the fits of a search.
+
+    Returns
+    -------
+    float
+        Memory of the process with its libraries and the fit [bytes].
+    """
+    pair_bytes = PAIR_BYTES.get(model, 0.0)
+    if baseline and model == "gaussian-process":
+        pair_bytes *= FIXED_KERNEL
+    needed = PROCESS + pair_bytes * rows**2
+    if not baseline:
+        needed += TREES.get(model, OTHERS) * MIB * max(1.0, rows / TREE_ROWS)
+    return needed
 
 
 def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
@@ -453,12 +479,7 @@ def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
     InputError
         If the fit needs more than `USABLE` of the free memory.
     """
-    pair_bytes = PAIR_BYTES.get(model, 0.0)
-    if baseline and model == "gaussian-process":
-        pair_bytes *= FIXED_KERNEL
-    needed = PROCESS + pair_bytes * rows**2  # bytes
-    if not baseline:
-        needed += TREES.get(model, OTHERS) * MIB * max(1.0, rows / TREE_ROWS)
+    needed = needed_memory(model, rows, baseline=baseline)
     limit = USABLE * min(allowed(), free())  # bytes
     if needed > limit:
         raise InputError(

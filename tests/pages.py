@@ -34,17 +34,21 @@ def anchors(page: str) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
-def steps(page: str) -> list[tuple[str, str]]:
+def steps(page: str, section: str = "") -> list[tuple[str, str]]:
     """Return what a page shows to be done, in its order: ("python", code) or ("shell", line).
 
     Lines of a shell are those that are indented by four, outside of lists, or fenced as `sh`;
-    continued lines are joined, and comments are taken off.
+    continued lines are joined, and comments are taken off. A section is that below a heading of
+    the second level.
     """
+    text = PAGES[page]
+    if section:
+        text = text.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
     found = []
     fenced = r"^```(\w*)[^\n]*\n(.*?)^```$"
     indented = r"(?:(?<=\n\n)|\A)((?: {4}[^\n]*\n)+)"
     for block in re.finditer(
-        f"{fenced}|{indented}", PAGES[page], flags=re.DOTALL | re.MULTILINE
+        f"{fenced}|{indented}", text, flags=re.DOTALL | re.MULTILINE
     ):
         language, code, lines = block.groups()
         if language == "python":

@@ -227,12 +227,12 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("walk")
 
 
-def walk(page, folder, monkeypatch):
-    """Do what a page shows, in its order."""
+def walk(page, folder, monkeypatch, section=""):
+    """Do what a page, or a section of it, shows, in its order."""
     pytest.importorskip("sklearn")
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(folder)
-    for kind, step in steps(page):
+    for kind, step in steps(page, section):
         if kind == "python":
             exec(step, {})
         elif not NOT_OURS.search(step) and (words := shlex.split(step, comments=True)):
@@ -297,3 +297,26 @@ def test_a_first_hour(name, folder, monkeypatch):
         (folder / "mine.toml").write_text(scene)
     walk(page, folder, monkeypatch)
     assert all((folder / made).stat().st_size > 500 for made in WALKS[name])
+
+
+OWN_SURROGATE = "docs/how-to/own-surrogate.md"
+
+
+@pytest.mark.long
+@pytest.mark.mpi
+def test_the_way_from_a_map_to_a_surrogate_of_its_kind(folder, monkeypatch, capsys):
+    """Every command runs as written, and the surrogate's law is that of the solver."""
+    section = "From a map to a surrogate of its kind"
+    walk(OWN_SURROGATE, folder, monkeypatch, section)
+    output = capsys.readouterr().out
+    assert "verdict: of its kind" in output
+    assert "the features of a surrogate of these surfaces reach the map's" in output
+    areas = [_areas_over_pressure(folder / name) for name in ("like.csv", "truth.csv")]
+    assert areas[0] == pytest.approx(areas[1], rel=0.1)
+
+
+def _areas_over_pressure(path):
+    """Return the areas [%] of a law's table at the pressures that were asked for."""
+    with path.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if float(row["pressure_MPa"]) >= 20]
+    return [float(row["area_percent"]) for row in rows]

@@ -29,7 +29,7 @@ from gen.scene import load
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.dataset import Request
-from learn.features import OF_SURFACES, SurfaceFeatures, chosen
+from learn.features import OF_SURFACES, FeatureSet, SurfaceFeatures, chosen
 from learn.metrics import scores
 from learn.split import FOLDS
 
@@ -203,7 +203,7 @@ def measure_solver(queries: list[Query]) -> SolverTimes:
     Parameters
     ----------
     queries : list of Query
-        Contacts on the first surfaces of `SCENE`, from `_queries`. The rows and surfaces of the
+        Contacts on the first surfaces of `SCENE`, from `new_queries`. The rows and surfaces of the
         same numbers are computed, too.
 
     Returns
@@ -241,6 +241,36 @@ def measure_solver(queries: list[Query]) -> SolverTimes:
     )
 
 
+def feature_seconds(feature_set: FeatureSet, queries: Iterable[Query]) -> float:
+    """Measure the time of the features of a contact on a new surface, from its heights alone.
+
+    Parameters
+    ----------
+    feature_set : FeatureSet
+        The features.
+    queries : iterable of Query
+        Contacts on different surfaces of `SCENE`.
+
+    Returns
+    -------
+    float
+        Mean processor time of a contact [s].
+    """
+
+    def features_of(query: Query) -> Values:
+        """Return the features of a contact, (1, features)."""
+        surface = _described(query.heights)
+        return feature_set.of(surface.rows(feature_set, np.array([query.delta])))
+
+    return mean_seconds(partial(features_of, query) for query in queries)
+
+
+def _described(heights: Heights) -> SurfaceFeatures:
+    """Return the features of a surface, of which none is computed yet."""
+    step = SIDE / (len(heights) - 1)
+    return SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
+
+
 def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> AnswerTimes:
     """Measure the times of a surrogate's answers.
 
@@ -260,23 +290,11 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
     """
     feature_set = chosen(features, roots=True)
 
-    def described(heights: Heights) -> SurfaceFeatures:
-        """Return the features of a surface, of which none is computed yet."""
-        step = SIDE / (len(heights) - 1)
-        return SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
-
     def features_of(surface: SurfaceFeatures, deltas: Values) -> Values:
         """Return the features of a surface at k displacements [um], (k, features)."""
         return feature_set.of(surface.rows(feature_set, deltas))
 
-    def of_new_surface(query: Query) -> Values:
-        """Return the features of a contact, computed from its heights alone, (1, features)."""
-        return features_of(described(query.heights), np.array([query.delta]))
-
-    new_surface_seconds = mean_seconds(
-        partial(of_new_surface, query) for query in queries
-    )
-    surfaces = [described(query.heights) for query in queries]
+    surfaces = [_described(query.heights) for query in queries]
     deltas = np.linspace(*DELTAS, LOADS)
     # This first use of a surface computes its features that do not depend on Delta. The surface
     # keeps them, so that the second use, which is timed, is that of a known surface.
@@ -286,7 +304,7 @@ def measure_surrogate(fitted: Fitted, features: str, queries: list[Query]) -> An
         partial(features_of, surface, deltas) for surface in surfaces
     )
     return AnswerTimes(
-        surface=new_surface_seconds,
+        surface=feature_seconds(feature_set, queries),
         load=ladder_seconds / LOADS,
         single=median_seconds(partial(fitted.learnt.raw, rows[:1])),
         batched=median_seconds(partial(fitted.learnt.raw, batch)) / BATCH,
@@ -383,7 +401,7 @@ def cost(
         search = tuning_seconds(comparison)
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
-    queries = _queries(surfaces)
+    queries = new_queries(surfaces)
     solver = measure_solver(queries)
     questions = [of_the_paper()]
     points: list[Row] = []
@@ -413,8 +431,19 @@ def cost(
     )
 
 
-def _queries(surfaces: int) -> list[Query]:
-    """Generate the first surfaces of `SCENE`, each with its displacement."""
+def new_queries(surfaces: int) -> list[Query]:
+    """Generate the first surfaces of `SCENE`, each with its displacement.
+
+    Parameters
+    ----------
+    surfaces : int
+        Number of surfaces.
+
+    Returns
+    -------
+    list of Query
+        A contact on each surface.
+    """
     plan = parameters(SCENE, 0, surfaces)
     return [
         Query(heights=surface_of(SCENE, plan, row), delta=float(plan.load[row]))

@@ -8,13 +8,12 @@ several draws of the training rows.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.databases import generated
+from bench.databases import generated, preset_text
 from bench.files import Row, read_toml
 from bench.report import Report, remark
 from bench.surrogates import kinds
@@ -143,7 +142,7 @@ def databases(folder: Path, rows: int) -> dict[str, Path]:
     """
     texts = {PAPER: "", **SCENES["others"]}  # without text, a scene is the paper preset
     for name in (YIELDING, *BROAD):
-        texts[name] = _shipped_scene(name)
+        texts[name] = preset_text(name)
     for seed, name in enumerate(FOREIGN, start=3000):
         surface_of_function = SCENES["function"].replace("NAME", name)
         surface = SCENES["kinds"].get(name, surface_of_function)
@@ -154,13 +153,6 @@ def databases(folder: Path, rows: int) -> dict[str, Path]:
         number = max(rows // SHARES.get(name, 1), FEWEST_OF_DATABASE)
         paths[name] = generated(folder, name, f"samples = {number}\n{text}{STORE}")
     return paths
-
-
-def _shipped_scene(name: str) -> str:
-    """Return the text (TOML) of a preset without its title and number of rows."""
-    path = files("gen") / "scenes" / f"{name}.toml"
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    return "".join(line for line in lines if not line.startswith(("title", "samples")))
 
 
 def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:

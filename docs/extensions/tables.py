@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from statistics import mean
 
 from bench.answers import lines as answers
 from bench.record import Inputs
@@ -14,7 +13,7 @@ from bench.report import PARTS
 from gen.maps.settings import PREPARED, as_option, keys
 from gen.scene import markdown_of_columns
 from learn.comparison.folder import KINDS
-from learn.comparison.grid import LEAST_JUDGED, LIBRARY
+from learn.comparison.grid import LIBRARY
 from learn.models import MODELS
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
@@ -44,37 +43,48 @@ def pair(row: Row, first: str, second: str) -> str:
     return f"{float(row[first]):.2f}, {float(row[second]):.2f}"
 
 
+SCORES = ("nmse", "nmae", "nmaxe", "r2")
+"""Columns of the four scores."""
+
+WORDS = {"tuned": ", tuned", "baseline": "", "library": ", its library's own"}
+"""What is added to the name of a model, by the kind of its result."""
+
+
 def models() -> list[str]:
     """Scores of the nine models beside the paper's Table 4."""
-    names = "nmse", "nmae", "nmaxe", "r2"
-    found = {
-        **scores("search"),
-        **scores("comparison"),
-    }  # whole grids come from the run itself
-    lines, searched = [], ways_of_search()
+    found = scores("comparison")
+    lines = []
     for model, result in product(MODELS, KINDS):
         if (row := found.get((model, result))) is None:
             continue
-        tuned = ", tuned" if model in searched else ", tuned on too few candidates"
-        fixed = ", the paper's kernel" if model in LIBRARY else ""
-        added = {"tuned": tuned, "baseline": fixed, "library": ", its library's own"}[
-            result
-        ]
-        title = MODELS[model].title + added
-        theirs = cells(row, *(f"paper_{name}" for name in names))
-        lines.append(f"| {title} | {cells(row, *names)} | {theirs} |")
+        words = WORDS[result]
+        if result == "baseline" and model in LIBRARY:
+            words = ", the paper's kernel"
+        lines.append(f"| {MODELS[model].title}{words} | {beside_the_papers(row)} |")
     return lines
 
 
-def ways_of_search() -> dict[str, str]:
-    """Say how each model was searched of which enough candidates were judged."""
-    return {
-        row["model"]: row["searched"]
-        for name in ("search", "comparison")
-        for row in table(f"{name}/area/tuning.csv")
-        if int(row["candidates_scored"])
-        >= min(LEAST_JUDGED, int(row["candidates_differing"]))
-    }
+def beside_the_papers(row: Row) -> str:
+    """Return the scores of a row and the paper's, as cells of Markdown."""
+    theirs = cells(row, *(f"paper_{name}" for name in SCORES))
+    return f"{cells(row, *SCORES)} | {theirs}"
+
+
+def searched() -> list[str]:
+    """Scores of the winners of the search of all nine grids, with the candidates that it judged."""
+    found = scores("search")
+    lines = []
+    for row in table("search/area/tuning.csv"):
+        model = row["model"]
+        title = MODELS[model].title
+        judged = (
+            f"{int(row['candidates_scored']):,} of {int(row['candidates_differing']):,}"
+        )
+        winner = found[model, "tuned"]
+        r2 = cells(winner, "r2", "paper_r2")
+        nmae = cells(winner, "nmae", "paper_nmae")
+        lines.append(f"| {title} | {judged} | {row['winner']} | {nmae} | {r2} |")
+    return lines
 
 
 def hybrid() -> list[str]:
@@ -219,32 +229,6 @@ def growths() -> list[str]:
     return lines
 
 
-def hours(seconds: float) -> str:
-    """Return a time [s] in hours as text."""
-    number = seconds / 3600
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
-
-
-def grids() -> list[str]:
-    """What whole grids of the search take, beside the paper's times."""
-    searched = ways_of_search()
-    lines = []
-    for row in table("search/area/whole-grids.csv"):
-        ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
-        if row["fits"] != row["of"]:
-            error = (
-                100 * float(row["error"]) / float(row["seconds"])
-                if row["error"]
-                else None
-            )
-            ours += "" if error is None else f" +- {error:.0f} %"
-        how = searched.get(row["model"], "not searched")
-        title = MODELS[row["model"]].title
-        timed = f"{row['fits']} of {row['of']} | {int(row['rows']):,}"
-        lines.append(f"| {title} | {timed} | {ours} | {theirs} | {how} |")
-    return lines
-
-
 def exponents() -> list[str]:
     """Hurst exponents of generated surfaces beside those that were asked for."""
     lines: dict[tuple[str, str], list[str]] = {}
@@ -345,19 +329,23 @@ def _grown(growth: Sequence[Row]) -> tuple[str, str, str]:
 
 
 def features() -> list[str]:
-    """Scores of each feature set, means over the seeds of the split."""
-    found: dict[str, list[Row]] = {}
-    for row in table("features/features.csv"):
-        found.setdefault(row["features"], []).append(row)
+    """Scores of each feature set, of all splits together."""
+    return [
+        f"| {row['features']} | {int(row['trained']):,}"
+        f" | {cells(row, 'nmse', 'nmae', 'r2')} |"
+        for row in table("features/features.csv")
+    ]
+
+
+def yielding() -> list[str]:
+    """Scores of surrogates of bodies that yield."""
     lines = []
-    for name, rows in found.items():
-        means = [
-            mean(float(row[each]) for row in rows)
-            for each in ("trained", "nmse", "nmae", "r2")
-        ]
-        lines.append(
-            f"| {name} | {means[0]:,.0f} | {' | '.join(f'{e:.2f}' for e in means[1:])} |"
-        )
+    for row in table("features/yielding.csv"):
+        ends = f"{float(row['least']):.2g} to {float(row['most']):.3g}"
+        rows = f"{int(row['trained']):,}, {int(row['judged']):,}"
+        inside = f"{100 * float(row['covered']):.1f}"
+        scores_of_row = f"{float(row['nmae']):.2f} | {float(row['r2']):.3f}"
+        lines.append(f"| {row['target']}, {ends} | {rows} | {scores_of_row} | {inside} |")
     return lines
 
 
@@ -437,7 +425,7 @@ TABLES = {
             "R2",
         ),
         models,
-        ("comparison/area/scores.csv", "search/area/scores.csv"),
+        ("comparison/area/scores.csv",),
     ),
     "hybrid": PageTable(
         (
@@ -485,20 +473,18 @@ TABLES = {
         scans,
         ("scans/scans.csv",),
     ),
-    "grids": PageTable(
+    "searched": PageTable(
         (
-            "",
-            "timed on all rows",
-            "on rows up to",
-            "hours",
+            "learnt from 1,000 rows",
+            "candidates judged",
+            "winner",
+            "nMAE [%]",
             "the paper's",
-            "searched here",
+            "R2 [%]",
+            "the paper's",
         ),
-        grids,
-        (
-            "search/area/whole-grids.csv",
-            "search/area/tuning.csv",
-        ),
+        searched,
+        ("search/area/scores.csv", "search/area/tuning.csv"),
     ),
     "exponents": PageTable(
         (
@@ -528,6 +514,17 @@ TABLES = {
         ),
         features,
         ("features/features.csv",),
+    ),
+    "yielding": PageTable(
+        (
+            "kernel ridge, H/E* 0.003 to 0.1",
+            "training, test rows",
+            "nMAE [%]",
+            "R2 [%]",
+            "in the 90 % interval [%]",
+        ),
+        yielding,
+        ("features/yielding.csv",),
     ),
 }
 """The tables that a page shows by `{result} NAME`."""

@@ -172,6 +172,10 @@ def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
     if isinstance(fit, str):  # the reason why no law fits
+        if stretch != 1.0:
+            fit += (
+                f" (lengths along x divided by {stretch:.3g}, because the map has a lay)"
+            )
         raise NoLaw(f"{path}: no self-affine law fits it: {fit}")
     return fit
 

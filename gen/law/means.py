@@ -90,11 +90,6 @@ def by_means(order: Order, stopping: Stopping | None = None) -> Law:
     assert scene is not None  # `_only_scene` has refused other inputs
     bodies = bodies_of(order, subjects)
     order.refuse_impossible(bodies.hardness)
-    if bodies.layered is not None:
-        raise InputError(
-            "--error: leave it out: means of a scene within an error are those of half-spaces; give"
-            " --surfaces, or a map in place of the scene"
-        )
     check_layer(order, bodies)
     sampler = Sampler(
         order=order,

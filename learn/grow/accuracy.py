@@ -114,11 +114,21 @@ class Accuracy(NamedTuple):
     groups: int  # number of independent errors: surfaces, tiles or functions of a process
 
     def bound(self, risk: float) -> float:
-        """Return the bound that the surrogate's error exceeds only with a probability of `risk`.
+        """Return the bound that the surrogate's error exceeds only with a small probability.
 
-        The bound, in percent, is nMAE exp(t SE / nMAE) with Student's t: the confidence interval of
-        the logarithm, on whose scale the skewness of absolute errors matters little. The sum
+        The bound is nMAE exp(t SE / nMAE) with Student's t: the confidence interval of the
+        logarithm, on whose scale the skewness of absolute errors matters little. The sum
         nMAE + t SE would be exceeded several times as often.
+
+        Parameters
+        ----------
+        risk : float
+            The probability, 0 to 1.
+
+        Returns
+        -------
+        float
+            Bound of the nMAE [%]; infinite if there are fewer than two groups.
         """
         from scipy.stats import t
 
@@ -402,9 +412,19 @@ class Look:
     advised_rows: float | None = None
 
     def bound(self, target: str) -> float:
-        """Return the bound of a target's error [%]; the error is above it with a small probability.
+        """Return the bound of a target's error, which is above it with a small probability.
 
         The probability is the `risk` of the look's size.
+
+        Parameters
+        ----------
+        target : str
+            Name of the target.
+
+        Returns
+        -------
+        float
+            Bound of the nMAE [%].
         """
         return self.judged[target].accuracy.bound(risk(self.number))
 
