@@ -10,6 +10,7 @@ import pytest
 import bem
 from bem.accuracy import grids, on_coarser_map
 from bem.answers import ANSWERS
+from bem.bodies import ConcentratedForces
 from bem.coarsening import Coarsening
 from bem.problem import pose
 from bem.solving import solve_posed
@@ -349,6 +350,7 @@ def test_bodies_without_a_load_are_exact(load):
         (0.1, {"rtol": 1e-3}, "rtol is given"),
         (0.1, {"near": None}, "near is given"),
         (0.1, {"kernel": "concentrated-force"}, "belongs to its grid"),
+        (0.1, {"body": ConcentratedForces(1.0)}, "belongs to its grid"),
         (0.1, {"far_field": "compliant"}, "belongs to its grid"),
         (0.1, {"force": 1.0}, "force and pressure given"),
         (0.1, {"hardness": 0.001}, "mean pressure must stay below"),
