@@ -313,14 +313,16 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
         leaks=False,
     ).with_variance(curve.variance)
     finest = joined.finest.topography
-    steps = [
-        f"{Path(of.topography.name).name}: {'; '.join(of.topography.steps)}"
-        for of in maps
-    ]
+    finest_maps = [fitted_map for fitted_map in maps if fitted_map.topography is finest]
+    preparations = []
+    for fitted_map in maps:
+        topography = fitted_map.topography
+        steps = "; ".join(topography.steps)
+        preparations.append(f"{Path(topography.name).name}: {steps}")
     return _population(
         maps=maps,
-        preparation=" | ".join(steps),
-        shortest=_shortest_wave([of for of in maps if of.topography is finest]),
+        preparation=" | ".join(preparations),
+        shortest=_shortest_wave(finest_maps),
         wanted=wanted,
         curve=curve,
         rms_height=spectrum.rms_height,
