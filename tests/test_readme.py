@@ -312,7 +312,7 @@ def test_the_way_from_a_map_to_a_surrogate_of_its_kind(folder, monkeypatch, caps
     assert "verdict: of its kind" in output
     assert "the features of a surrogate of these surfaces reach the map's" in output
     areas = [_areas_over_pressure(folder / name) for name in ("like.csv", "truth.csv")]
-    assert areas[0] == pytest.approx(areas[1], rel=0.1)
+    assert areas[0] == pytest.approx(areas[1], rel=0.02)
 
 
 def _areas_over_pressure(path):
