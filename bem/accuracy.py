@@ -631,7 +631,12 @@ class _Search:
 
 
 def _on_half_of_the_nodes(problem: Problem) -> Contact | None:
-    """Solve a problem with a datum on about every second node; None if it has no solution."""
+    """Solve a problem with a datum on about every second node; None if it has no solution.
+
+    It is None, too, if the nodes are too few to have a coarser grid.
+    """
+    if min(problem.heights.shape) < FEWEST:
+        return None
     try:
         half = coarser(problem)
         check_solvable(half)

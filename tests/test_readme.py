@@ -318,5 +318,5 @@ def test_the_way_from_a_map_to_a_surrogate_of_its_kind(folder, monkeypatch, caps
 def _areas_over_pressure(path):
     """Return the areas [%] of a law's table at the pressures that were asked for."""
     with path.open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if float(row["pressure_MPa"]) >= 10]
+        rows = [row for row in csv.DictReader(file) if float(row["pressure_MPa"]) >= 20]
     return [float(row["area_percent"]) for row in rows]

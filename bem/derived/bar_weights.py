@@ -53,17 +53,17 @@ WEIGHTS = {
     },
     "free": {
         "area": Weights(
-            difference=1.25, border=0.0095, yielded=0.2, outer=0.0014, summit=1.5
+            difference=1.1, border=0.0105, yielded=0.2, outer=0.0014, summit=1.5
         ),
-        "delta": Weights(difference=1.1, work=0.08, yielded=0.03, summit=1.6),
+        "delta": Weights(difference=1.05, work=0.08, yielded=0.03, summit=1.6),
         "force": Weights(
-            difference=1.25, scatter=0.013, yielded=0.05, outer=0.01, summit=2.2
+            difference=1.2, scatter=0.013, yielded=0.05, outer=0.01, summit=2.2
         ),
         "mean_gap": Weights(
-            difference=0.9, work=0.12, outer=0.06, yielded=0.05, node=2.2, summit=1.6
+            difference=0.85, work=0.12, outer=0.06, yielded=0.05, node=2.2, summit=1.6
         ),
         "stiffness": Weights(
-            difference=0.7, scatter=0.09, outer=0.1, yielded=0.3, summit=1.9
+            difference=0.65, scatter=0.09, outer=0.1, yielded=0.3, summit=1.9
         ),
     },
     "creased": {

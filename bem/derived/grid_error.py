@@ -34,6 +34,7 @@ from bem.arrays import Field, Nodes
 from bem.derived.bar_weights import WEIGHTS
 from bem.derived.border_signs import BorderSigns, border_signs
 from bem.derived.coarser import at_coarser_nodes, coarser
+from bem.derived.opened import Opened, opened_between_nodes
 from bem.far_field import BeyondCriticalDelta
 from bem.problem import Boundary, NoSolution, check_solvable
 from bem.threads import computed_once
@@ -46,6 +47,11 @@ if TYPE_CHECKING:
 # which the surface touches at creases [1]. It is 16 on a smooth surface, 8 at creases, 11.7 where
 # all waves have 8 nodes and 9 where they have 6.
 OF_CREASES = 9.0
+
+# Least error that remains on a free patch without a datum, over the one removed by halving the
+# spacing [1]. The outer cells of the coarser grid reach further there, which adds an error in
+# proportion to the spacing.
+ON_LARGER_CELLS = 1.4
 
 # Largest bar of the area at creases that counts as resolved [area].
 LARGEST_AT_CREASES = 0.05
@@ -248,6 +254,14 @@ class GridError:
         )
 
     @property
+    def _least_remaining(self) -> float:
+        """Least of `remaining` that counts for the bars [1]."""
+        problem = self.contact.problem
+        if problem.boundary == "free" and problem.datum is None:
+            return ON_LARGER_CELLS
+        return 1.0
+
+    @property
     def _open_nodes(self) -> int:
         """Number of open nodes, at least 1."""
         return max(self.contact.pressure.size - self.contact.contact_nodes, 1)
@@ -265,9 +279,9 @@ class GridError:
         return self.border.share * moved_by
 
     @computed_once
-    def _opened(self) -> _Opened:
+    def _opened(self) -> Opened:
         """What may open between the nodes of a full contact."""
-        return _opened_between_nodes(self.contact)
+        return opened_between_nodes(self.contact.problem, self.contact.pressure)
 
     def _bar(
         self,
@@ -314,7 +328,7 @@ class GridError:
         share = self.border.share * math.sqrt(self.contact.problem.elongation)
         yielded_scatter = self.border.least_scatter * self.yielded_share
         return math.hypot(
-            weights.difference * max(1.0, self.remaining) * difference,
+            weights.difference * max(self._least_remaining, self.remaining) * difference,
             max(weights.border * share * by_border, at_least),
             weights.scatter * self.border.scatter * by_border,
             weights.yielded * yielded_scatter * by_border,
@@ -339,22 +353,6 @@ class _Verdict:
 
     resolved: bool
     reason: str
-
-
-@dataclass(frozen=True)
-class _Opened:
-    """What may open between the nodes of a full contact of elastic bodies without edges.
-
-    Attributes
-    ----------
-    area_percent : float
-        Area that may be open [%].
-    gap : float
-        Mean gap that it may have [um].
-    """
-
-    area_percent: float
-    gap: float
 
 
 def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
@@ -459,39 +457,6 @@ def _squared_bends(lines: Field, along: Nodes, across: Nodes, *, distance: int) 
     after = lines[(along + distance) % lines.shape[0], across]
     bend = before + after - 2 * lines[along, across]
     return float(bend @ bend)
-
-
-def _opened_between_nodes(contact: Contact) -> _Opened:
-    """Return what may open between the nodes of a full contact without edges.
-
-    The pressure of a full contact is a sum of waves. Where it is negative between nodes, the
-    surfaces part. A round pit of the pressure opens 1.5 times, a long one twice, the area over
-    which the pressure of full contact is negative. Its gap is at most that of one round crack of
-    the whole open area.
-    """
-    from scipy import fft  # here, because few contacts need it
-
-    problem = contact.problem
-    nodes = problem.heights.shape
-    is_full = contact.contact_nodes == problem.heights.size
-    if not is_full or problem.boundary == "free" or contact.yielded.any():
-        return _Opened(area_percent=0.0, gap=0.0)
-    pressure = contact.pressure
-    for axis in (0, 1):
-        twice = 2 * nodes[axis]
-        lines = np.moveaxis(pressure, axis, -1)
-        if problem.boundary == "periodic":
-            between = fft.irfft(fft.rfft(lines, norm="forward"), twice, norm="forward")
-        else:
-            between = fft.idct(fft.dct(lines, norm="forward"), n=twice, norm="forward")
-        pressure = np.moveaxis(np.asarray(between, dtype=np.float64), -1, axis)
-    # Pressures below zero by rounding alone are no tension.
-    negative = np.minimum(pressure + 1e-12 * contact.pressure.max(), 0.0)
-    share = 2 * float(np.mean(negative < 0))
-    area = math.prod(problem.spacing) * problem.heights.size
-    radius = math.sqrt(share * area / math.pi)
-    gap = 8 / 3 * radius * float(-negative.mean()) / problem.modulus
-    return _Opened(area_percent=100 * min(share, 1.0), gap=gap)
 
 
 def _summit(heights: Field, boundary: Boundary, *, creased: bool) -> float:

@@ -427,6 +427,7 @@ def scene(
     output: options.NewScene,
     like: options.Like = None,
     generator: options.LikeGenerator = "",
+    join: options.Join = False,
     material: options.Material,
     reading: SceneReading,
 ) -> None:
@@ -435,6 +436,9 @@ def scene(
     With --like, the map and ten surfaces are pressed under three pressures. If area and mean gap
     are those of the map, the surfaces are taken: those of its self-affine law if it has one,
     otherwise surfaces with its own spectrum and heights. If not, windows of the map are.
+
+    With --join the maps of --like are scans of one surface at different magnifications. The
+    surfaces have their joined spectrum and the spacing of the finest scan.
 
     Maps are despiked, levelled and filled as they need it, and --despike and --level overrule these
     steps. Other commands take the same steps with --prepare.
@@ -452,4 +456,5 @@ def scene(
         bodies=Bodies.of(*material),
         command=recorded_command_line(context, "gen"),
         generator=generator,
+        join=join,
     )

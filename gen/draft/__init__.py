@@ -14,11 +14,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from gen.arrays import Heights
 from gen.draft.judge import Judgement, judge_surfaces, print_judgement
 from gen.draft.likeness import NODES as LAW_NODES
 from gen.draft.likeness import NoLaw, propose_like
-from gen.draft.populations import LikeMaps, propose_population
+from gen.draft.populations import LikeMaps, propose_joined, propose_population
 from gen.draft.proposal import propose
 from gen.draft.survey import MapSurvey, print_surveys
 from gen.draft.writing import (
@@ -28,6 +30,7 @@ from gen.draft.writing import (
     scene_of_windows,
     write,
 )
+from gen.maps.filters import fitted_polynomial
 from gen.maps.library import map_files
 from gen.maps.settings import Reading
 from gen.material import Bodies
@@ -61,6 +64,7 @@ class _Order:
     bodies: Bodies  # material of the contact
     command: str  # the command line, which a comment of the scene quotes
     generator: str  # generator of surfaces like maps; "" to choose it by the contact
+    join: bool  # whether the maps are scans of one surface at different magnifications
 
 
 def draft(
@@ -71,6 +75,8 @@ def draft(
     bodies: Bodies,
     command: str,
     generator: str = "",
+    *,
+    join: bool = False,
 ) -> None:
     """Write a scene for maps; print a table of the maps, warnings, and what has been written.
 
@@ -93,6 +99,8 @@ def draft(
         The command line, which a comment of the scene quotes.
     generator : {"", "spectral", "like"}
         Generator of surfaces like the maps; by default it is chosen by the contact.
+    join : bool, optional
+        Whether the maps `like` are scans of one surface at different magnifications.
 
     Raises
     ------
@@ -112,6 +120,11 @@ def draft(
             f"--generator {generator!r}: give spectral (a self-affine law) or like (the map's own"
             " spectrum)"
         )
+    if join and (len(like) < 2 or generator == "spectral"):
+        raise InputError(
+            "--join: give two or more --like, scans of one surface at different magnifications,"
+            " and no --generator spectral"
+        )
     if generator == "spectral" and len(like) > 1:
         raise InputError(
             "--generator spectral: a law is that of one map; give one --like"
@@ -124,6 +137,7 @@ def draft(
         bodies=bodies,
         command=command,
         generator=generator,
+        join=join,
     )
     drafted = _draft_like(order, like) if like else _draft_windows(order, inputs)
     for warning in _warnings(drafted):
@@ -139,6 +153,8 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
     windows of the maps. A generator that the user wants is taken whatever the verdict is.
     """
     _require_new_population(order.output)
+    if order.join:
+        return _draft_joined(order, paths)
     if len(paths) == 1 and order.generator != "like":
         drafted = _draft_law(order, paths[0])
         if drafted is not None:
@@ -159,6 +175,47 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
         faults = [judgement.sentence for judgement in judgements]
         return replace(drafted, remarks=[*drafted.remarks, *faults])
     return drafted
+
+
+def _draft_joined(order: _Order, paths: Sequence[Path]) -> Draft:
+    """Write a scene of surfaces with the joined spectrum of scans, and return it.
+
+    The scan with the shortest waves is the judge, whatever its verdict is.
+    """
+    like = propose_joined(paths, order.reading)
+    print_surveys(like.surveys)
+    _print_preparation(like.reading, like.surveys)
+    if like.joined is not None:
+        for scan in like.joined.scans:
+            waves = scan.range
+            echo(
+                f"{Path(scan.name).name}: waves of {waves.longest:.4g} to"
+                f" {waves.shortest:.4g} um (limit: {waves.limit})"
+            )
+    [finest] = like.maps
+    topography = finest.topography
+    judgement = judge_surfaces(
+        topography.heights,
+        topography.spacing,
+        partial(_levelled_surface, like.population),
+        order.bodies,
+        like.nodes,
+    )
+    name = Path(topography.name).name
+    print_judgement(judgement, f"levelled surfaces with the joined spectrum and {name}")
+    drafted = _draft_population(order, like)
+    if judgement.verdict == "of its kind":
+        return drafted
+    return replace(drafted, remarks=[*drafted.remarks, judgement.sentence])
+
+
+def _levelled_surface(
+    population: Population, shape: tuple[int, int], random: Random
+) -> Heights:
+    """Make a surface [um] with the nodes `shape`, less its mean plane, as a scan is levelled."""
+    nx, ny = (max(pair) for pair in zip(shape, population.nodes, strict=True))
+    surface = generate_like(population, shape, (nx, ny), random)
+    return np.asarray(surface - fitted_polynomial(surface, degree=1))
 
 
 def _judged_population(order: _Order, like: LikeMaps) -> list[Judgement]:

@@ -31,6 +31,9 @@ REACH = 1.0  # standard deviation of the weights of a band's neighbourhood [band
 INDEPENDENT = 0.5
 # Largest number of independent waves by which a band is weighted in its neighbourhood.
 MOST_OF_A_NEIGHBOUR = 8.0
+# number of corrections by which an interpolated spectrum gets the means of its bands
+ROUNDS_OF_MEANS = 6
+MOST_OF_A_ROUND = 2.0  # largest change of a logarithm in one correction
 # smallest power of a band over the largest: about the rounding of heights
 FLOOR = 1e-20
 
@@ -332,3 +335,46 @@ def _half_plane(plane: Values, shape: tuple[int, ...]) -> Values:
     _, bands_x, bands_y = shape
     half = plane[:, bands_y - 1 :]
     return np.stack((half[bands_x - 1 :], half[bands_x - 1 :: -1]))
+
+
+def log_means(spectrum: BandSpectrum) -> Values:
+    """Return the logarithms of means in bands.
+
+    Parameters
+    ----------
+    spectrum : BandSpectrum
+        The means.
+
+    Returns
+    -------
+    ndarray, shape of a table over the bands
+        Logarithms of the means [um^4]; 0 in bands without waves, which no round changes.
+    """
+    densities = np.where(spectrum.waves > 0, spectrum.densities, 1.0)
+    return np.asarray(np.log(np.maximum(densities, 1e-300)))
+
+
+def with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
+    """Return a spectrum in bands whose means over the waves of each band are the given ones.
+
+    Both differ where the spectrum is interpolated over a sharp bend.
+
+    Parameters
+    ----------
+    bands : WaveBands
+        The bands.
+    grid : WaveGrid
+        The waves over which means are taken.
+    means : ndarray, shape of a table over the bands
+        Logarithms of the means [um^4].
+
+    Returns
+    -------
+    ndarray, shape of a table over the bands
+        Logarithms of the spectrum [um^4].
+    """
+    logarithms = means.copy()
+    for _ in range(ROUNDS_OF_MEANS):
+        now = log_means(bands.means(grid, bands.spread(grid, logarithms)))
+        logarithms += np.clip(means - now, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
+    return logarithms

@@ -1,8 +1,8 @@
 """Judge surfaces that are to be like a map by the contact: press the map and ten of them.
 
 A spectrum and a distribution of heights do not describe a map completely. If a map has steps or
-pits, surfaces with its spectrum and its heights touch in other places. A contact costs little, so
-the map itself and ten surfaces of its size are pressed, under three pressures.
+terraces, surfaces with its spectrum and its heights touch in other places. A contact costs little,
+so the map itself and ten surfaces of its size are pressed, under three pressures.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ class Judgement:
             return "of its kind: area and mean gap are those of the map"
         if self.verdict == "undecided":
             return f"undecided: within the scatter of the {MADE}, but that is wide"
-        reason = "steps, pits and the like are no matter of a spectrum"
+        reason = "steps, terraces and the like are no matter of a spectrum"
         return f"not of its kind: {', '.join(self.faults)}; {reason}"
 
     @property

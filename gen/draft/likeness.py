@@ -172,10 +172,11 @@ def _fitted(path: Path, topography: Topography, stretch: float) -> SelfAffineFit
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
     if isinstance(fit, str):  # the reason why no law fits
-        lay = ""
         if stretch != 1.0:
-            lay = f" after its lengths along x are divided by {stretch:.3g}, as it has a lay"
-        raise NoLaw(f"{path}: no self-affine law fits it{lay}: {fit}")
+            fit += (
+                f" (lengths along x divided by {stretch:.3g}, because the map has a lay)"
+            )
+        raise NoLaw(f"{path}: no self-affine law fits it: {fit}")
     return fit
 
 

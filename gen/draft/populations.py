@@ -35,18 +35,27 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.draft.bands import (
+    MOST_OF_A_ROUND,
     BandSpectrum,
     WaveBands,
     WaveGrid,
     leaked,
+    log_means,
     periodogram,
     smoothed,
+    with_means,
 )
-from gen.draft.imperfections import SeparatedMap, separate_imperfections
+from gen.draft.imperfections import (
+    MOST_HEIGHTS,
+    SeparatedMap,
+    separate_imperfections,
+)
+from gen.draft.joined import join_in_bands
 from gen.draft.likeness import rounded
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.filters import is_same
+from gen.maps.joining import JoinedSpectrum, join
 from gen.maps.read import Topography, spacing_text
 from gen.maps.settings import Reading
 from gen.maps.texture import nodes_a_wave, radial_spectrum
@@ -79,10 +88,7 @@ MOST_DIRECTIONAL = 6.0  # largest exponent of a factor that differs along x and 
 
 TERMS = 64  # number of Hermite polynomials of the curve of heights
 ROUNDS = 20  # number of corrections of the Gaussian field's spectrum
-# number of corrections by which an interpolated spectrum gets the means of its bands
-ROUNDS_OF_MEANS = 6
 STEP = 0.7  # exponent of a correction
-MOST_OF_A_ROUND = 2.0  # largest change of a logarithm in one correction
 ROUNDS_OF_ROUGHNESS = (
     3  # number of corrections of the wanted spectrum by the maps' roughness
 )
@@ -158,6 +164,8 @@ class LikeMaps:
     maps: list[FittedMap]
     population: Population
     nodes: int  # nodes along each side of the surfaces of a scene
+    # the joined spectrum of scans of one surface; None for maps of one kind
+    joined: JoinedSpectrum | None = None
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -223,6 +231,108 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     )
 
 
+def propose_joined(paths: Sequence[Path], reading: Reading) -> LikeMaps:
+    """Read and prepare scans of one surface, and fit a population to their joined spectrum.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files of the scans, at least two.
+    reading : Reading
+        Unit, lengths and channel, if the files do not determine them. Steps of the preparation
+        that it lacks are chosen for each scan.
+
+    Returns
+    -------
+    LikeMaps
+        The population; the only map, by which it is judged, is the scan with the shortest waves.
+
+    Raises
+    ------
+    InputError
+        If a scan cannot be used, or no population can be fitted.
+    """
+    scans = []
+    for survey in survey_maps(paths, reading):
+        require_usable([survey])
+        steps = with_chosen_steps(reading, [survey])
+        prepared = measure(survey, steps)
+        if prepared.topography is None:
+            raise InputError(
+                f"no map can be used: {survey.path}: {prepared.survey.fault}"
+            )
+        fitted_map = FittedMap(prepared.topography, digest(survey.path))
+        scans.append(_Scan(prepared.survey, steps, fitted_map))
+    joined = join([scan.fitted_map.topography for scan in scans])
+    [finest] = [
+        scan for scan in scans if scan.fitted_map.topography is joined.finest.topography
+    ]
+    population = fit_joined([scan.fitted_map for scan in scans], joined)
+    lengths = [scan.survey.length for scan in scans if not math.isnan(scan.survey.length)]
+    length = max(lengths, default=math.nan)
+    return LikeMaps(
+        surveys=[scan.survey for scan in scans],
+        reading=finest.reading,
+        maps=[finest.fitted_map],
+        population=population,
+        nodes=nodes_like(population.nodes, length / max(population.spacing)),
+        joined=joined,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """A prepared scan."""
+
+    survey: MapSurvey
+    reading: Reading  # how it was read and prepared
+    fitted_map: FittedMap
+
+
+def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
+    """Fit a population to the joined spectrum of scans of one surface.
+
+    The distribution of heights is that of the scan with the longest waves, and the rms height is
+    that of all waves of the spectrum. Imperfections are not separated.
+
+    Parameters
+    ----------
+    maps : sequence of FittedMap
+        The scans.
+    joined : JoinedSpectrum
+        Their joined spectrum.
+
+    Returns
+    -------
+    Population
+        The population, at the spacing of the scan with the shortest waves.
+    """
+    spectrum = join_in_bands(joined)
+    widest = joined.scans[0].topography.heights
+    curve = _HeightCurve.of([(widest - widest.mean()) / widest.std()])
+    wanted = _Wanted(
+        grid=spectrum.grid,
+        bands=spectrum.bands,
+        logarithms=spectrum.logarithms,
+        leaks=False,
+    ).with_variance(curve.variance)
+    finest = joined.finest.topography
+    steps = [
+        f"{Path(of.topography.name).name}: {'; '.join(of.topography.steps)}"
+        for of in maps
+    ]
+    return _population(
+        maps=maps,
+        preparation=" | ".join(steps),
+        shortest=_shortest_wave([of for of in maps if of.topography is finest]),
+        wanted=wanted,
+        curve=curve,
+        rms_height=spectrum.rms_height,
+        imperfections=(),
+        remarks=(*joined.warnings, *spectrum.remarks),
+    )
+
+
 def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     """Fit a population to maps of one kind.
 
@@ -251,9 +361,14 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     spacing = maps[0].topography.spacing
     rms_heights = [float(heights.std()) for heights in heights_of_maps]
     rms_height = float(np.median(rms_heights))
+    most_heights = MOST_HEIGHTS // len(maps)
+    separated = [
+        separate_imperfections(heights, spacing, most_heights)
+        for heights in heights_of_maps
+    ]
     scaled = [
-        _scaled(separate_imperfections(heights, spacing), rms_height_of_map)
-        for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
+        _scaled(separated_map, rms_height_of_map)
+        for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
     ]
     textures = [scaled_map.texture for scaled_map in scaled]
     shape = max((texture.shape for texture in textures), key=math.prod)
@@ -261,33 +376,19 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     wanted = _wanted_spectrum(textures, grid)
     curve = _HeightCurve.of(textures)
     wanted = wanted.with_variance(curve.variance)
-    field = _spectrum_of_field(wanted, curve)
-    bands_x, bands_y = wanted.bands.middles
-    population = Population(
-        format=FORMAT,
-        maps=tuple(
-            SourceMap(
-                name=Path(fitted_map.topography.name).name,
-                sha256=fitted_map.sha256,
-                nodes=_shape(fitted_map.topography.heights),
-                rms_height=rms_height_of_map,
-            )
-            for fitted_map, rms_height_of_map in zip(maps, rms_heights, strict=True)
-        ),
+    population = _population(
+        maps=maps,
         preparation=preparation,
-        spacing=(float(spacing[0]), float(spacing[1])),
         shortest=_shortest_wave(maps),
-        remarks=(),
-        bands_x=_rounded(bands_x, 12),
-        bands_y=_rounded(bands_y, 12),
-        logarithms=(_rows(field[0]), _rows(field[1])),
-        scores=_rounded(curve.scores, 6),
-        heights=_rounded(curve.heights * rms_height, 9),
+        wanted=wanted,
+        curve=curve,
+        rms_height=rms_height,
         imperfections=tuple(
             _heights_in_rows(imperfection * rms_height)
             for scaled_map in scaled
             for imperfection in scaled_map.imperfections
         ),
+        remarks=(),
     )
     of_maps = Roughness.of(
         [
@@ -300,6 +401,49 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     )
     remarks = _what_gives_way(population, shape, of_maps)
     return replace(population, remarks=tuple(remarks))
+
+
+def _population(
+    *,
+    maps: Sequence[FittedMap],
+    preparation: str,
+    shortest: float,
+    wanted: _Wanted,
+    curve: _HeightCurve,
+    rms_height: float,
+    imperfections: tuple[tuple[tuple[float, ...], ...], ...],
+    remarks: tuple[str, ...],
+) -> Population:
+    """Return the population whose surfaces have a wanted spectrum and curve of heights.
+
+    Lengths are in um. `rms_height` is that of the maps over which `wanted` and `curve` have no
+    unit.
+    """
+    field = _spectrum_of_field(wanted, curve)
+    bands_x, bands_y = wanted.bands.middles
+    dx, dy = wanted.grid.spacing
+    return Population(
+        format=FORMAT,
+        maps=tuple(
+            SourceMap(
+                name=Path(fitted_map.topography.name).name,
+                sha256=fitted_map.sha256,
+                nodes=_shape(fitted_map.topography.heights),
+                rms_height=float(fitted_map.topography.heights.std()),
+            )
+            for fitted_map in maps
+        ),
+        preparation=preparation,
+        spacing=(float(dx), float(dy)),
+        shortest=shortest,
+        remarks=remarks,
+        bands_x=_rounded(bands_x, 12),
+        bands_y=_rounded(bands_y, 12),
+        logarithms=(_rows(field[0]), _rows(field[1])),
+        scores=_rounded(curve.scores, 6),
+        heights=_rounded(curve.heights * rms_height, 9),
+        imperfections=imperfections,
+    )
 
 
 def _require_fitting(maps: Sequence[FittedMap]) -> None:
@@ -458,6 +602,8 @@ class _Wanted:
     grid: WaveGrid
     bands: WaveBands
     logarithms: Values  # logarithms of the density in bands [um^2]
+    # whether it holds power that a window as large as the period has leaked to neighbouring waves
+    leaks: bool = True
 
     def with_variance(self, variance: float) -> _Wanted:
         """Return the same spectrum for heights of another variance [1]."""
@@ -477,25 +623,13 @@ def _wanted_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _Wanted:
     correction = _Correction(
         grid=grid,
         bands=bands,
-        logarithms=_with_means(bands, grid, smoothed(spectrum)),
+        logarithms=with_means(bands, grid, smoothed(spectrum)),
         direction=_log_ratio(roughness.slope_x**2, roughness.slope_y**2),
         steepness=_log_ratio(roughness.slope**2, roughness.rms_height**2),
         sharpness=_log_ratio(roughness.curvature**2, roughness.slope**2),
     )
     wanted = _Wanted(grid=grid, bands=bands, logarithms=correction.corrected())
     return wanted.with_variance(1.0)
-
-
-def _with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
-    """Return a spectrum in bands whose means over the waves of each band are the given ones.
-
-    Both are logarithms. They differ where the spectrum is interpolated over a sharp bend.
-    """
-    logarithms = means.copy()
-    for _ in range(ROUNDS_OF_MEANS):
-        now = _log_means(bands.means(grid, bands.spread(grid, logarithms)))
-        logarithms += np.clip(means - now, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
-    return logarithms
 
 
 def _mean_spectrum(
@@ -640,7 +774,7 @@ def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
     covariances -= curve.hermite_powers[0]
     # The wanted spectrum holds the power that the window has leaked, as the maps' periodograms do.
     # So it is compared with the spectrum of the surfaces after the same leak.
-    aim = _log_means(bands.means(grid, bands.spread(grid, wanted.logarithms)))
+    aim = log_means(bands.means(grid, bands.spread(grid, wanted.logarithms)))
     field = wanted.logarithms.copy()
     for _ in range(ROUNDS):
         densities = bands.spread(grid, field)
@@ -650,16 +784,12 @@ def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
         spectrum = fft.rfft2(covariance).real * math.prod(grid.spacing)
         np.maximum(spectrum, 0.0, out=spectrum)
         spectrum[0, 0] = 0.0
-        lacks = aim - _log_means(bands.means(grid, leaked(spectrum)))
+        if wanted.leaks:
+            spectrum = leaked(spectrum)
+        lacks = aim - log_means(bands.means(grid, spectrum))
         field += STEP * np.clip(lacks, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
         field = np.maximum(field, field.max() + LEAST)
     return np.asarray(field - field.max())
-
-
-def _log_means(spectrum: BandSpectrum) -> Values:
-    """Return the logarithms of means in bands; 0 in bands without waves, which no round changes."""
-    densities = np.where(spectrum.waves > 0, spectrum.densities, 1.0)
-    return np.asarray(np.log(np.maximum(densities, 1e-300)))
 
 
 def _what_gives_way(

@@ -216,6 +216,8 @@ def _steps_of_preparation(like: LikeMaps) -> str:
 def _scale(like: LikeMaps) -> str:
     """Return the key `scale`, with a comment on the rms heights of the maps."""
     smallest, largest = like.scales
+    if like.joined is not None:
+        return "# Heights over those of the joined spectrum.\nscale = 1.0"
     if len(like.surveys) == 1:
         return (
             "# Heights over those of the map. One map does not tell how they scatter: give a range"

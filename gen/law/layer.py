@@ -7,10 +7,12 @@ often left out of the mesh. Then the compression has to come from the law: the c
 the compression, and the interface is in series with the layer.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from bem.problem import Boundary, node_spacing
 from gen.arrays import Values
 from gen.law.curves import Points
 from gen.law.order import Order
@@ -18,9 +20,6 @@ from gen.material import Bodies
 from gen.options import NOT_WITH_LAYER
 from gen.quantities import CLOSURE, PRESSURE, STIFFNESS
 from gen.runtime.errors import InputError
-
-NO_ERRORS = "laws within an error are those of half-spaces"
-"""Reason why laws of layered bodies have no errors that are asked for."""
 
 
 def compliance_in_law(order: Order, bodies: Bodies) -> float:
@@ -60,32 +59,85 @@ def with_compression(points: Points, compliance: float) -> Points:
     -------
     Points
         The points with larger closures and, if they have stiffnesses, with smaller ones. Ends of
-        intervals are changed alike, by the compression at the pressure itself.
+        intervals are changed alike, by the compression at the same end of the pressure.
     """
     if compliance == 0:
         return points
-    compression = compliance * points.values[PRESSURE.in_laws]
+    pressure = points.values[PRESSURE.in_laws]
+    low_pressure = points.low.get(PRESSURE.in_laws, pressure)
+    high_pressure = points.high.get(PRESSURE.in_laws, pressure)
     return replace(
         points,
-        values=_in_series(points.values, compression, compliance),
-        low=_in_series(points.low, compression, compliance),
-        high=_in_series(points.high, compression, compliance),
+        values=in_series(points.values, pressure, compliance),
+        low=in_series(points.low, low_pressure, compliance),
+        high=in_series(points.high, high_pressure, compliance),
     )
 
 
-def _in_series(
-    curves: dict[str, Values], compression: Values, compliance: float
+def in_series(
+    curves: Mapping[str, Values], pressure: Values, compliance: float
 ) -> dict[str, Values]:
-    """Return curves, (k,) each, whose closure and stiffness contain the layer."""
+    """Put a layer in series with interfaces.
+
+    Parameters
+    ----------
+    curves : mapping of str to ndarray, shape (k,)
+        Quantities by their names in laws. Closure and stiffness are without the layer, and may be
+        missing.
+    pressure : ndarray, shape (k,)
+        Nominal pressures [MPa].
+    compliance : float
+        Compression of the layer by a uniform pressure, above 0 [um / MPa].
+
+    Returns
+    -------
+    dict of str to ndarray, shape (k,)
+        All quantities; closure and stiffness are those of interface and layer together.
+    """
     changed = dict(curves)
     if CLOSURE.in_laws in curves:
-        changed[CLOSURE.in_laws] = curves[CLOSURE.in_laws] + compression
+        changed[CLOSURE.in_laws] = curves[CLOSURE.in_laws] + compliance * pressure
     if STIFFNESS.in_laws in curves:
         # 1 / (1 / s + c); the stiffness s is 0 at first touch, and infinite in full contact.
         with np.errstate(divide="ignore"):
             of_interface = 1 / curves[STIFFNESS.in_laws]
         changed[STIFFNESS.in_laws] = 1 / (of_interface + compliance)
     return changed
+
+
+def resolves_layer(
+    bodies: Bodies,
+    nodes: tuple[int, int],
+    sides: tuple[float, float],
+    boundary: Boundary,
+) -> bool:
+    """Return whether the cells of a grid are smaller than the layer of bodies.
+
+    Then the material of the layer decides the contact along its border, as errors of the grid need.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Bodies of the law.
+    nodes : tuple of int
+        Nodes (nx, ny) of the grid.
+    sides : tuple of float
+        Sides of the patch [um].
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch.
+
+    Returns
+    -------
+    bool
+        True if they are; also for half-spaces.
+    """
+    if bodies.layered is None:
+        return True
+    spacing = (
+        node_spacing(nodes[0], sides[0], boundary),
+        node_spacing(nodes[1], sides[1], boundary),
+    )
+    return bodies.layered.body.is_deeper_than_cells(spacing)
 
 
 def layer_in_words(order: Order, bodies: Bodies) -> list[str]:
@@ -133,8 +185,8 @@ def check_layer(order: Order, bodies: Bodies) -> None:
     Raises
     ------
     InputError
-        If the bodies have a layer and the order asks for conductances, shear or errors; or if they
-        have none and the order has a layer in the law.
+        If the bodies have a layer and the order asks for conductances or shear; or if they have
+        none and the order has a layer in the law.
     """
     if bodies.layered is None:
         if order.layer_in == "law":
@@ -143,8 +195,6 @@ def check_layer(order: Order, bodies: Bodies) -> None:
                 " [contact.layer]"
             )
         return
-    if order.errors is not None:
-        raise InputError(f"--error: leave it out with a layer: {NO_ERRORS}")
     requested = {"conductivity": order.conductivities, "friction": order.friction}
     for name, value in requested.items():
         if value is not None:

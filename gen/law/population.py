@@ -28,6 +28,7 @@ from bem.solving import solve_posed
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts
 from gen.law.accuracy import quantity_in_law
+from gen.law.layer import compliance_in_law, in_series, resolves_layer
 from gen.law.multilevel import (
     LARGEST_BIAS,
     PILOT,
@@ -46,7 +47,7 @@ from gen.law.order import Load, Order
 from gen.law.surfaces import LawSurface, surfaces_of_scene
 from gen.maps.accuracy import parts_in_words, percent, quantity_of
 from gen.material import Bodies
-from gen.quantities import LOADS, Quantity
+from gen.quantities import LOADS, PRESSURE, Quantity
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 
@@ -229,6 +230,8 @@ class Sampler:
     def nested_grids(self) -> list[tuple[int, int]]:
         """Return the grids, from the coarsest one to that of the scene.
 
+        Grids whose cells are no smaller than a layer are left out, but for that of the scene.
+
         Returns
         -------
         list of tuple of int
@@ -239,6 +242,8 @@ class Sampler:
         while min(nodes) >= 2 * FEWEST_NODES - 1:
             nodes = (nodes[0] + 1) // 2, (nodes[1] + 1) // 2
             if len(grids) >= FIRST_LEVELS and min(nodes) < FEWEST_OF_MANY:
+                break
+            if not self.resolves_layer(nodes):
                 break
             grids.append(nodes)
         return grids[::-1]
@@ -308,7 +313,9 @@ class Sampler:
         """
         surface = self.surface(number)
         problem = self.posed(surface)
-        coarsening = Coarsening(problem.heights, problem.boundary, problem.aspect)
+        coarsening = Coarsening(
+            problem.heights, problem.boundary, problem.aspect, problem.reduced_body
+        )
         at_rest = self._at_rest(problem)
         first_touch = coarsening.on(nodes)
         on_grid = on_coarser_map(problem, first_touch)
@@ -389,10 +396,26 @@ class Sampler:
                     is_full=contact.contact_nodes == contact.pressure.size,
                 )
             )
+        values = self._with_layer(values)
         share = work(problem.heights.shape) / work(self.shape)
         return _GridAnswers(
             values=values.ravel(), convolutions=convolutions * share, pressed=pressed
         )
+
+    def _with_layer(self, values: Values) -> Values:
+        """Return values, (quantities, columns), whose closures have a layer if the law has it."""
+        compliance = compliance_in_law(self.order, self.bodies)
+        if compliance == 0:
+            return values
+        names = [quantity.in_laws for quantity in self.layout.quantities]
+        curves = dict(zip(names, values, strict=True))
+        together = in_series(curves, curves[PRESSURE.in_laws], compliance)
+        return np.array([together[name] for name in names])
+
+    def resolves_layer(self, nodes: tuple[int, int]) -> bool:
+        """Return whether the cells of a grid are smaller than a layer; True for half-spaces."""
+        contact = self.scene.contact
+        return resolves_layer(self.bodies, nodes, self.scene.grid.sides, contact.boundary)
 
 
 def _under(problem: Problem, kind: Load, value: float) -> Problem:
@@ -734,7 +757,8 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
     ------
     InputError
         If the scene has another kernel or far field than the default, a load is not allowed, the
-        surfaces have too few nodes, or their waves go on down to the grid.
+        surfaces have too few nodes or a layer too thin for these, or their waves go on down to the
+        grid.
     """
     contact = sampler.scene.contact
     for key, allowed in (("kernel", "uniform-pressure"), ("far_field", "rigid")):
@@ -745,6 +769,12 @@ def refuse_unsuitable(sampler: Sampler, surfaces: Sequence[LawSurface]) -> None:
                 " because answers of the other one belong to their grid"
             )
     nx, ny = sampler.shape
+    coarser = (nx + 1) // 2, (ny + 1) // 2
+    if not sampler.resolves_layer(coarser):
+        raise InputError(
+            f"{sampler.text}: {nx} x {ny} nodes: on half of the nodes a cell is no smaller than the"
+            " layer, so that no error can be told: give the scene more nodes"
+        )
     if len(sampler.nested_grids()) < 2:
         raise InputError(
             f"{sampler.text}: {nx} x {ny} nodes: --error needs {2 * FEWEST_NODES - 1}"

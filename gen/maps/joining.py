@@ -159,6 +159,11 @@ class JoinedSpectrum:
     ]  # a line for each pair of scans that disagree, and for each gap
 
     @property
+    def finest(self) -> ScanSpectrum:
+        """The scan that knows the shortest waves."""
+        return min(self.scans, key=lambda scan: scan.range.shortest)
+
+    @property
     def rms_height(self) -> float:
         """The rms height of the waves in the spectrum [um]."""
         return math.sqrt(self._integral(power=1))

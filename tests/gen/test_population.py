@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,6 +37,8 @@ def test_a_population_is_its_file():
         ({"bands_x": [0.5 + 0.1 * i for i in range(40)]}, "begin at 0"),
         ({"logarithms": [[[0.0]], [[0.0]]]}, "not a table over the bands"),
         ({"remarks": None}, "remarks"),
+        ({"imperfections": [[[1.0, 2.0], [3.0]]]}, "not rectangles"),
+        ({"imperfections": [[[1e999]]]}, "imperfections"),
     ],
 )
 def test_other_files_are_refused_in_one_line(change, words):
@@ -100,3 +103,53 @@ def test_a_made_surface_has_an_area_within_an_error():
     )
     exact = bem.solve(heights, 128.0, pressure=0.05, boundary="periodic")
     assert contact.area_percent == pytest.approx(exact.area_percent, rel=0.05)
+
+
+PIT = ((-1.0, -2.0), (-3.0, -4.0), (-5.0, -6.0))
+
+
+def pits_of(pitted, shape, period, seed):
+    """What imperfections add to the texture of a surface [um]."""
+    without = replace(pitted, imperfections=())
+    with_pits, texture = (
+        generate_like(of_kind, shape, period, np.random.default_rng(seed))
+        for of_kind in (pitted, without)
+    )
+    return with_pits - texture
+
+
+def test_imperfections_are_copied_to_random_places():
+    """As many on a surface as on the map; across the border of the period they go on."""
+    pitted = replace(population(), imperfections=(PIT,))
+    period = pitted.nodes
+    places = set()
+    for seed in range(8):
+        pits = pits_of(pitted, period, period, seed)
+        place = np.unravel_index(np.argmin(pits), pits.shape)
+        # The last node of the pit is the deepest one.
+        rolled = np.roll(pits, (2 - place[0], 1 - place[1]), axis=(0, 1))
+        assert rolled[:3, :2] == pytest.approx(np.array(PIT))
+        assert np.count_nonzero(np.abs(pits) > 1e-12) == 6
+        places.add(place)
+    assert len(places) == 8
+
+
+def test_a_corner_has_its_share_of_imperfections():
+    """Of 82 x 82 nodes of the map a corner of 41 x 41 has a quarter: 50 of 200, +- 4 sigma."""
+    pitted = replace(population(), imperfections=(PIT[:1],))
+    corner = (41, 41)
+    number = sum(
+        np.any(np.abs(pits_of(pitted, corner, corner, seed)) > 1e-12)
+        for seed in range(200)
+    )
+    assert 26 <= number <= 74
+
+
+def test_an_imperfection_may_be_larger_than_the_period():
+    pitted = replace(population(), imperfections=(((1.0,) * 50,) * 50,))
+    small = (8, 8)
+    surfaces = [
+        generate_like(pitted, small, small, np.random.default_rng(seed))
+        for seed in range(200)
+    ]
+    assert all(np.isfinite(surface).all() for surface in surfaces)

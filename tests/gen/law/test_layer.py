@@ -10,8 +10,10 @@ from strict import json_of
 import bem
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
+from gen.law import Order, by_means
 from gen.maps.settings import Reading
 from gen.material import Bodies, ElasticBody, Layer
+from tests.bem.waves import random_waves
 from tests.maps import waves
 
 THICKNESS = 5.0
@@ -21,6 +23,7 @@ COMPLIANCE = THICKNESS * 1.3 * 0.4 / (0.7 * 10.0)  # of the layer under a unifor
 PRESSURES = np.array([0.01, 0.1, 0.5, 3.0])
 LAYER = ["--layer-thickness", "5", "--layer-young", "10", "--layer-poisson", "0.3"]
 ON_STEEL = [*LAYER, "--young", "200", "--poisson", "0.3"]
+THIN = ["--layer-thickness", "0.5", "--layer-young", "10", "--layer-base", "rigid"]
 ON_RIGID = [*LAYER, "--layer-base", "rigid"]
 FOR_PROGRAMS = [
     "law.h",
@@ -65,8 +68,11 @@ def curves_of(law):
     return {name: curve.value for name, curve in curves.items()}
 
 
-@pytest.mark.parametrize("base", [STEEL, None])
-@pytest.mark.parametrize("boundary", ["mirror", "free"])
+@pytest.mark.few(2)
+@pytest.mark.parametrize(
+    ("boundary", "base"),
+    [("mirror", None), ("free", None), ("mirror", STEEL), ("free", STEEL)],
+)
 def test_rows_of_a_law_are_the_contacts_of_its_body(law_on, base, boundary):
     on = bodies(base=base)
     curves = curves_of(law_on(on, boundary=boundary))
@@ -255,7 +261,7 @@ def test_a_scene_gives_the_layer_of_its_law(here, make):
     ("arguments", "message"),
     [
         (("s0.npy", *ON_STEEL, "--conductivity", "50"), "on half-spaces only"),
-        (("s0.npy", *ON_STEEL, "--error", "3%"), "are those of half-spaces"),
+        (("s0.npy", *THIN, "--error", "3%"), "no smaller than the layer"),
         (
             ("s0.npy", *ON_STEEL, "--friction", "0.3"),
             "from normal contacts on half-spaces",
@@ -278,7 +284,78 @@ def test_laws_that_layers_do_not_have_are_refused(here, capsys, arguments, messa
     assert message in capsys.readouterr().err
 
 
-def test_means_of_a_scene_with_a_layer_have_no_error(here, capsys):
-    Path("layer.toml").write_text(SCENE.format(thickness="5.0"))
-    assert cli.main(["law", "layer.toml", "--pressure", "0.1", "--error", "3%"]) == 2
-    assert "--error: leave it out with a layer" in capsys.readouterr().err
+OF_WAVES = """
+samples = 4
+[surface]
+generator = "spectral"
+nodes = 33
+side = 1000.0
+hurst = 0.8
+roll_off = 250.0
+cut_off = 250.0
+rms_slope = 0.1
+[load]
+quantity = "pressure"
+range = [0.001, 0.02]
+[contact]
+boundary = "periodic"
+[contact.layer]
+thickness = {thickness}
+modulus = 1.0
+base = "rigid"
+"""
+
+
+def test_means_of_a_scene_have_the_compression_of_a_layer_on_each_surface(here):
+    """Without the layer, each closure is smaller by the compression at the pressure, 200 um/MPa."""
+    Path("waves.toml").write_text(OF_WAVES.format(thickness="200.0"))
+    laws = [
+        by_means(
+            Order(
+                inputs=("waves.toml",),
+                errors={"area": 0.3},
+                pressure="0.01",
+                boundary="periodic",
+                layer_in=layer_in,
+                both_tables=False,
+            )
+        )
+        for layer_in in ("mesh", "law")
+    ]
+    meshed, together = map(curves_of, laws)
+    np.testing.assert_allclose(
+        together["closure_um"], meshed["closure_um"] + 200 * 0.01, rtol=1e-9
+    )
+    np.testing.assert_allclose(together["delta_um"], together["closure_um"], rtol=1e-9)
+    np.testing.assert_array_equal(together["area_percent"], meshed["area_percent"])
+
+
+def test_layers_that_coarser_grids_do_not_resolve_have_no_error(here, capsys):
+    Path("waves.toml").write_text(OF_WAVES.format(thickness="20.0"))
+    assert cli.main(["law", "waves.toml", "--pressure", "0.01", "--error", "9%"]) == 2
+    assert "a cell is no smaller than the layer" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("layer_in", ["mesh", "law"])
+def test_a_law_on_a_layer_has_the_errors_that_were_asked_for(here, make, layer_in):
+    """The band of the closure is as wide as the error of Delta, which has the compression."""
+    np.save("fine.npy", 1000 * random_waves(1, 6, 0.8, 1)(96))
+    on = bodies(thickness=40.0, base=None)
+    settings = {
+        "pressure": "0.02,0.1",
+        "e_star": on.e_star,
+        "layered": on.layered,
+        "layer_in": layer_in,
+        "stiffness": True,
+        "reading": Reading(side="1000"),
+        "boundary": "periodic",
+        "grid_error": True,
+    }
+    full = make("fine.npy", **settings).over_pressure
+    law = make("fine.npy", errors={"area": 0.05, "delta": 0.02}, **settings)
+    within = law.over_pressure
+    assert (within.fewest_nodes(96**2)[1:] < 96**2).all()  # all but first touch
+    for name in ("continuum_area_percent", "closure_um"):
+        curve = within.curves[name]
+        assert (full.curves[name].value >= curve.low).all()
+        assert (full.curves[name].value <= curve.high).all()

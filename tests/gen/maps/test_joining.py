@@ -7,6 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joined_scans import (
+    HEIGHTS,
+    MAGNIFIED,
+    PERIOD,
+    save_scans,
+    scan,
+    scans,
+    surface,
+)
 
 from gen import cli
 from gen.maps.joining import join, shortest_by_tip, wave_range
@@ -14,34 +23,7 @@ from gen.maps.read import Topography
 from gen.maps.scan import Instrument
 from gen.maps.texture import radial_waves
 from gen.runtime.errors import InputError
-from gen.spectral import SelfAffineSpectrum, generate_spectral
-
-PERIOD = 1024  # nodes and um
-SPECTRUM = SelfAffineSpectrum(0.8, 200.0, 3.0)
-MAGNIFIED = {"coarse": 6, "middle": 3, "fine": 1}
-"""Distance of the nodes of each scan [um]; each has 160 x 160 nodes."""
-
-
-def surface(seed=0, spectrum=SPECTRUM):
-    """A periodic surface with a node every um, of rms height 1 um."""
-    sides = (float(PERIOD), float(PERIOD))
-    random = np.random.default_rng(seed)
-    return generate_spectral((PERIOD, PERIOD), sides, spectrum, random, rms_height=1.0)
-
-
-HEIGHTS = surface()
-
-
-def scan(name, heights=HEIGHTS, nodes=160):
-    """Cut a scan out of a surface, less its mean."""
-    step = MAGNIFIED[name]
-    cut = heights[20 : 20 + nodes * step : step, 40 : 40 + nodes * step : step]
-    side = (nodes - 1.0) * step
-    return Topography(name, cut - cut.mean(), (side, side))
-
-
-def scans(heights=HEIGHTS):
-    return [scan(name, heights) for name in MAGNIFIED]
+from gen.spectral import SelfAffineSpectrum
 
 
 def true_density(wavenumbers):
@@ -172,12 +154,8 @@ def test_a_scan_without_waves_is_refused():
 
 @pytest.fixture
 def files(here):
-    """Save the scans as texts with lengths: coarse.txt, middle.txt and fine.txt."""
-    for name, step in MAGNIFIED.items():
-        length = 160 * step
-        header = f"Width: {length} um\nHeight: {length} um\nValue units: um"
-        np.savetxt(here / f"{name}.txt", scan(name).heights.T, header=header)
-    return [f"{name}.txt" for name in MAGNIFIED]
+    """The files coarse.txt, middle.txt and fine.txt."""
+    return save_scans(here)
 
 
 def test_the_command_writes_the_spectrum_with_the_scans_of_each_bin(files, capsys):

@@ -1,0 +1,168 @@
+"""The directional spectrum of a surface in bands, joined from scans at different magnifications.
+
+It is joined as `gen.maps.joining` joins radial spectra. The scan with the longest waves gives those
+that no scan knows because they are longer, and the one with the shortest waves the shorter ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gen.arrays import Values
+from gen.draft.bands import WaveBands, WaveGrid, periodogram, smoothed, with_means
+from gen.maps.joining import JoinedSpectrum, ScanSpectrum
+from gen.maps.texture import RadialSpectrum
+from gen.population import densities_at
+
+# Largest number of nodes along each side of the period of a joined population. Longer waves are
+# left out.
+MOST_NODES = 1024
+ROUNDS = 3  # number of corrections of the spectrum by the joined radial spectrum
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedBands:
+    """A joined spectrum in bands of the waves of a period."""
+
+    grid: WaveGrid  # the waves of the period, at the spacing of the finest scan
+    bands: WaveBands
+    logarithms: Values  # logarithms of the density in the bands [um^4]
+    longest: float  # longest waves that the scans know [um]
+
+    @property
+    def rms_height(self) -> float:
+        """The rms height of surfaces of one period with this spectrum [um]."""
+        densities = self.bands.spread(self.grid, self.logarithms)
+        return math.sqrt(self.grid.total(densities))
+
+    @property
+    def remarks(self) -> list[str]:
+        """A sentence if the scans know waves that are longer than the period."""
+        sides = np.multiply(self.grid.shape, self.grid.spacing)
+        period = float(sides.min())
+        if self.longest <= period:
+            return []
+        sentence = (
+            f"waves of {period:.3g} to {self.longest:.3g} um are left out: a surface with the"
+            f" finest scan's spacing would need more than {MOST_NODES} nodes a side"
+        )
+        return [sentence]
+
+
+def join_in_bands(joined: JoinedSpectrum) -> JoinedBands:
+    """Join the directional spectra of scans.
+
+    The mean density over all directions is that of the joined radial spectrum.
+
+    Parameters
+    ----------
+    joined : JoinedSpectrum
+        The scans, with the waves that they know.
+
+    Returns
+    -------
+    JoinedBands
+        The spectrum.
+    """
+    scans = joined.scans
+    finest = joined.finest.topography
+    spacing = finest.spacing
+    longest = scans[0].range.longest
+    nodes_x, nodes_y = (
+        min(MOST_NODES, max(nodes, round(longest / step)))
+        for nodes, step in zip(finest.heights.shape, spacing, strict=True)
+    )
+    grid = WaveGrid(shape=(nodes_x, nodes_y), spacing=spacing)
+    bands = WaveBands.of(grid)
+    middles_x, middles_y = bands.middles
+    wavenumbers = np.hypot(middles_x[:, None], middles_y[None, :])
+    weighted = np.zeros(bands.shape)
+    weights = np.zeros(bands.shape[1:])
+    for scan, weight in zip(scans, _weights(joined, wavenumbers), strict=True):
+        weighted += weight * _logarithms_at(scan, middles_x, middles_y)
+        weights += weight
+    logarithms = weighted / weights
+    for _ in range(ROUNDS):
+        lacking = _lacking(joined.spectrum, grid, bands.spread(grid, logarithms))
+        logarithms += lacking.at(wavenumbers)
+    return JoinedBands(grid=grid, bands=bands, logarithms=logarithms, longest=longest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lacking:
+    """What a spectrum lacks: the logarithm of a factor over the wavenumber."""
+
+    wavenumbers: Values  # rising, shape (bins,) [1/um]
+    logarithms: Values  # of the same shape
+
+    def at(self, wavenumbers: Values) -> Values:
+        """Interpolate the logarithm at wavenumbers [1/um]; beyond the ends it is constant."""
+        positive = np.maximum(wavenumbers, self.wavenumbers[0])
+        logarithms = np.interp(
+            np.log(positive), np.log(self.wavenumbers), self.logarithms
+        )
+        return np.asarray(logarithms)
+
+
+def _lacking(spectrum: RadialSpectrum, grid: WaveGrid, densities: Values) -> _Lacking:
+    """Compare the mean densities over all directions with those of a joined spectrum.
+
+    `densities` are those of all waves of the grid [um^4].
+    """
+    wavenumbers = np.hypot(grid.qx[:, None], grid.qy[None, :])
+    first, last = spectrum.edges.T
+    bins = np.searchsorted(first, wavenumbers, side="right") - 1
+    inside = (bins >= 0) & (wavenumbers < last[bins]) & (densities > 0)
+    counts = np.bincount(bins[inside], minlength=first.size)
+    sums = np.bincount(bins[inside], densities[inside], first.size)
+    occupied = counts > 0
+    means = sums[occupied] / counts[occupied]
+    return _Lacking(
+        wavenumbers=spectrum.wavenumbers[occupied],
+        logarithms=np.log(spectrum.density[occupied] / means),
+    )
+
+
+def _weights(joined: JoinedSpectrum, wavenumbers: Values) -> list[Values]:
+    """Return the weight of each scan at wavenumbers: its area where it knows the waves, else 0.
+
+    The number of waves between two wavenumbers is proportional to the area of a scan. Waves in a
+    gap between two scans are those of the scan with the shorter waves.
+    """
+    weights = []
+    shortest_before = math.inf  # shortest wave of the scans with longer waves [um]
+    for scan in joined.scans:
+        smallest = scan.range.smallest
+        largest = scan.range.largest
+        if math.isinf(shortest_before):
+            smallest = 0.0
+        elif shortest_before > scan.range.longest:
+            smallest = 2 * math.pi / shortest_before
+        if scan is joined.finest:
+            largest = math.inf
+        inside = (wavenumbers >= smallest) & (wavenumbers < largest)
+        area = math.prod(scan.topography.sides)
+        weights.append(np.where(inside, area, 0.0))
+        shortest_before = min(shortest_before, scan.range.shortest)
+    return weights
+
+
+def _logarithms_at(scan: ScanSpectrum, qx: Values, qy: Values) -> Values:
+    """Return the logarithms of a scan's smoothed spectrum at bands with these middles [1/um].
+
+    The result has the shape of a table over the bands [um^4].
+    """
+    topography = scan.topography
+    nx, ny = topography.heights.shape
+    grid = WaveGrid(shape=(nx, ny), spacing=topography.spacing)
+    bands = WaveBands.of(grid)
+    spectrum = bands.means(grid, periodogram(topography.heights, grid))
+    logarithms = with_means(bands, grid, smoothed(spectrum))
+    # Components of opposite signs; a component of 0 along x has no sign.
+    along_x = np.concatenate((qx, -qx))
+    densities = densities_at(logarithms, bands.middles, along_x, qy)
+    densities[np.ix_(along_x == 0, qy == 0)] = math.exp(logarithms[0, 0, 0])
+    return np.log(densities).reshape(2, qx.size, qy.size)

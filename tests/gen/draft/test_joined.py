@@ -1,0 +1,98 @@
+"""Surfaces with the joined spectrum of scans of one surface at different magnifications."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joined_scans import HEIGHTS, save_scans, scans
+
+from gen import cli
+from gen.draft.joined import MOST_NODES, join_in_bands
+from gen.draft.populations import FittedMap, fit_joined
+from gen.maps.joining import join
+from gen.maps.read import Topography
+from gen.maps.texture import radial_waves
+from gen.population import Population, generate_like
+from gen.scene import Scene
+from gen.statistics import rms_slope
+
+
+@pytest.fixture(scope="module")
+def joined():
+    return join(scans())
+
+
+@pytest.fixture(scope="module")
+def population(joined):
+    maps = [FittedMap(of.topography, "0" * 64) for of in joined.scans]
+    return fit_joined(maps, joined)
+
+
+@pytest.fixture(scope="module")
+def made(population):
+    """A surface of the population, of one period."""
+    random = np.random.default_rng(1)
+    return generate_like(population, population.nodes, population.nodes, random)
+
+
+def test_surfaces_have_the_roughness_of_the_surface_that_was_scanned(made):
+    """Its rms height, of waves that the fine scan has not, and its rms slope, of short ones.
+
+    Over six seeds of the surface the ratios are 0.88 to 1.09 and 0.97 to 1.04.
+    """
+    assert made.std() == pytest.approx(HEIGHTS.std(), rel=0.15)
+    slope = rms_slope(HEIGHTS, (1.0, 1.0))
+    assert rms_slope(made, (1.0, 1.0)) == pytest.approx(slope, rel=0.06)
+
+
+def test_surfaces_have_the_joined_spectrum(joined, made):
+    """Within a tenth in all bins of 30 and more waves: their moduli have no chance."""
+    sides = (float(len(made)), float(len(made)))
+    periodic = Topography("made", made, sides, boundary="periodic")
+    ends = np.append(joined.spectrum.edges[:, 0], joined.spectrum.edges[-1, 1])
+    waves = radial_waves(periodic, ends)
+    expected = np.interp(
+        waves.wavenumbers, joined.spectrum.wavenumbers, joined.spectrum.density
+    )
+    ratios = waves.density / expected
+    many = waves.waves > 30
+    assert many.sum() > 12
+    np.testing.assert_allclose(ratios[many], 1.0, atol=0.1)
+
+
+def test_the_population_names_all_scans_and_how_they_were_prepared(population):
+    assert [of.name for of in population.maps] == ["coarse", "middle", "fine"]
+    assert population.spacing == (1.0, 1.0)
+    assert population.nodes == (320, 320)
+
+
+def test_waves_that_do_not_fit_into_the_period_are_left_out_and_named():
+    coarse, _, fine = scans()
+    wide = replace(coarse, sides=(16 * 954.0, 16 * 954.0))
+    spectrum = join_in_bands(join([wide, fine]))
+    assert spectrum.grid.shape == (MOST_NODES, MOST_NODES)
+    [remark] = spectrum.remarks
+    assert "waves of 1.02e+03 to 5.12e+03 um are left out" in remark
+
+
+@pytest.mark.long
+def test_the_command_writes_a_scene_of_the_joined_spectrum(here, capsys):
+    files = [word for name in save_scans(here) for word in ("--like", name)]
+    line = ("scene", *files, "--join", "--e-star", "2e5", "-o", "joined.toml")
+    assert cli.main(line) == 0
+    output = capsys.readouterr().out
+    assert "fine.txt: waves of 53.33 to 4 um (limit: nodes)" in output
+    scene = Scene.parse(Path("joined.toml").read_text(), "joined.toml")
+    assert scene.surface.generator == "like"
+    text = Path("joined.population.json").read_text()
+    assert len(Population.parse(text, "joined").maps) == 3
+    assert "scale = 1.0" in Path("joined.toml").read_text()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_single_scan_and_a_law_are_not_joined(refused):
+    line = ("scene", "--like", "a.txt", "--join", "-o", "a.toml")
+    assert "--join: give two or more --like" in refused(cli, *line)
+    assert "--join" in refused(cli, *line, "--like", "b.txt", "--generator", "spectral")
+    assert "--join" in refused(cli, "scene", "a.txt", "--join", "-o", "a.toml")
