@@ -79,7 +79,7 @@ class OutsideTraining(UserWarning):
 
 @dataclass(frozen=True)
 class Inputs:
-    """The names of the inputs of a function: drawn parameters, a load and perhaps a hardness."""
+    """The names of the inputs of a function: drawn parameters, load, and numbers of the bodies."""
 
     parameters: tuple[str, ...]  # parameters of the surface
     # quantity of the load: one of `gen.scene.tables.UNITS`, as scenes name it, or for a surrogate
@@ -87,10 +87,13 @@ class Inputs:
     load: str
     # "hardness" [MPa] or "hardness_ratio", the hardness over E* [1]; "" if it is no input
     hardness: str = ""
+    layer: tuple[
+        str, ...
+    ] = ()  # thickness [um] and modulus [MPa] of a layer that are inputs
 
     @classmethod
     def of(cls, scene: Scene) -> "Inputs":
-        """Return the inputs that a scene leaves open: drawn parameters, load, drawn hardness.
+        """Return the inputs that a scene leaves open: parameters, load, hardness and layer.
 
         Parameters
         ----------
@@ -100,25 +103,20 @@ class Inputs:
         Returns
         -------
         Inputs
-            The inputs, without parameters and hardnesses that have fixed values.
-
-        Raises
-        ------
-        InputError
-            If the scene draws its layers.
+            The inputs, without the numbers that have fixed values.
         """
-        if scene.contact.layer is not None and scene.contact.layer.drawn:
-            raise InputError(
-                "the scene draws its layers, which are no inputs of functions: give contact.layer"
-                " one thickness and one modulus"
-            )
         drawn = [
             name for name, value in scene.drawn_parameters.items() if is_drawn(value)
         ]
         hardness = ""
         if scene.contact.draws_hardness:
             hardness = "hardness"
-        return cls(parameters=tuple(drawn), load=scene.quantity, hardness=hardness)
+        layer: tuple[str, ...] = ()
+        if scene.contact.layer is not None:
+            layer = tuple(scene.contact.layer.drawn)
+        return cls(
+            parameters=tuple(drawn), load=scene.quantity, hardness=hardness, layer=layer
+        )
 
     @property
     def load_name(self) -> str:
@@ -132,17 +130,18 @@ class Inputs:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the keyword arguments: parameters, load, and the hardness if it is an input."""
+        """Names of the keyword arguments: parameters and load, then hardness and layer if any."""
         names = (*self.parameters, self.load_name)
         if self.hardness:
             names = (*names, self.hardness)
-        return names
+        return (*names, *self.layer)
 
     @property
     def sizes(self) -> list[int]:
         """Sizes of the input vectors of UM-Bridge.
 
-        The parameters are one vector, if there are any. Load and hardness have one each.
+        The parameters are one vector, if there are any, and the numbers of the layer the last one.
+        Load and hardness have one each.
         """
         sizes = []
         if self.parameters:
@@ -150,6 +149,8 @@ class Inputs:
         sizes.append(1)  # the load
         if self.hardness:
             sizes.append(1)
+        if self.layer:
+            sizes.append(len(self.layer))
         return sizes
 
 
@@ -198,6 +199,8 @@ class OneSurface:
         Loads of the points [um, MPa or uN].
     hardness : ndarray, shape (k,), or None
         Hardness of each point, if it is an input [MPa].
+    layer : dict of str to ndarray, shape (k,)
+        Numbers of the layer of each point that are inputs: thickness [um] and modulus [MPa].
     """
 
     scene: Scene
@@ -206,6 +209,31 @@ class OneSurface:
     kind: str
     loads: Values
     hardness: Values | None
+    layer: dict[str, Values]
+
+    def layer_of(self, number: int) -> dict[str, float]:
+        """Return the numbers of the layer of a point that are inputs.
+
+        Parameters
+        ----------
+        number : int
+            Number of the point among those of the surface; 0 for the first one.
+
+        Returns
+        -------
+        dict of str to float
+            Thickness [um] and modulus [MPa], by the names of their columns.
+        """
+        return {name: float(values[number]) for name, values in self.layer.items()}
+
+    def bodies(self) -> "list[bem.Layered]":
+        """Return the body of each point, if it has a layer; an empty list for half-spaces."""
+        bodies = []
+        for number in range(self.places.size):
+            body = self.scene.contact.body(self.layer_of(number))
+            if body is not None:
+                bodies.append(body)
+        return bodies
 
 
 def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSurface]:
@@ -260,16 +288,18 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
             kind=kind,
             loads=loads,
             hardness=hardness,
+            layer={name: points.numbers[name][places] for name in inputs.layer},
         )
 
 
 def _require_positive(inputs: Inputs, points: Points) -> None:
-    """Refuse loads and hardnesses that are not above 0."""
-    for name in (inputs.load_name, inputs.hardness):
+    """Refuse loads, hardnesses and numbers of layers that are not finite and above 0."""
+    for name in (inputs.load_name, inputs.hardness, *inputs.layer):
         if name not in points.numbers:  # no hardness
             continue
         values = points.numbers[name]
-        wrong = values[~(values > 0)]
+        is_allowed = (values > 0) & (values < np.inf)
+        wrong = values[~is_allowed]
         if wrong.size:
             raise InputError(f"input: {name} = {wrong[0]:g}; allowed: a number above 0")
 
@@ -661,7 +691,13 @@ def _solved(surface: OneSurface, number: int) -> bem.Contact:
     if surface.hardness is not None:
         hardness = float(surface.hardness[number])
     load: dict[str, Any] = {surface.kind: float(surface.loads[number])}
-    return solve_contact(surface.scene, surface.heights, hardness=hardness, **load)
+    return solve_contact(
+        surface.scene,
+        surface.heights,
+        hardness=hardness,
+        layer=surface.layer_of(number),
+        **load,
+    )
 
 
 @contextmanager
@@ -887,7 +923,10 @@ class SurrogateFunction(Function):
         places: list[Indices] = []
         for surface in surfaces_of(self.scene, self.inputs, points):
             on_surface = self.surrogate.for_surface(surface.heights, surface.scene.sides)
-            parts.append(on_surface.rows(surface.loads, hardness=surface.hardness))
+            rows = on_surface.rows(
+                surface.loads, hardness=surface.hardness, layered=surface.bodies()
+            )
+            parts.append(rows)
             places.append(surface.places)
         return RowsOfPoints(rows=joined(parts), places=np.concatenate(places))
 
@@ -932,17 +971,22 @@ class SurrogateFunction(Function):
 
 def _inputs_of_numbers(surrogate: "Surrogate") -> Inputs:
     """Return the inputs of a surrogate of a scene's own numbers."""
-    from learn.features.scene import HARDNESSES
+    from learn.features.scene import HARDNESSES, OF_LAYER
 
     *drawn, load = surrogate.features.names  # the load is the last one
     parameters: list[str] = []
     hardness = ""
+    layer: list[str] = []
     for name in drawn:
         if name in HARDNESSES:  # A scene gives one of them, or none.
             hardness = name
+        elif name in OF_LAYER:
+            layer.append(name)
         else:
             parameters.append(name)
-    return Inputs(parameters=tuple(parameters), load=load, hardness=hardness)
+    return Inputs(
+        parameters=tuple(parameters), load=load, hardness=hardness, layer=tuple(layer)
+    )
 
 
 def _scene_without_code(surrogate: "Surrogate", path: Path | str) -> Scene:
@@ -964,7 +1008,7 @@ def _inputs_of_surfaces(surrogate: "Surrogate", scene: Scene) -> Inputs:
 
     The load is the scene's, if the surrogate has learnt this load, relative or not; otherwise the
     learnt one. The hardness is an input if it differs between the databases of the training or
-    inside one.
+    inside one. The numbers of a layer are inputs if the scene draws them.
     """
     inputs = Inputs.of(scene)
     load = surrogate.features.load

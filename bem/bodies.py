@@ -267,6 +267,33 @@ class Layered(Body):
         nu = self.poisson
         return self.thickness * (1 + nu) * (1 - 2 * nu) / ((1 - nu) * self.modulus)
 
+    def scaled(self, lengths: float = 1.0, moduli: float = 1.0) -> "Layered":
+        """Return the body at another scale, on which the contacts are copies of those of this one.
+
+        Parameters
+        ----------
+        lengths : float
+            Factor of all lengths along the surface, which the thickness has, too.
+        moduli : float
+            Factor of the moduli of the layer and of the base.
+
+        Returns
+        -------
+        Layered
+            The body with the same Poisson's ratios.
+
+        Raises
+        ------
+        ValueError
+            If a scaled number is not in its range.
+        """
+        base = self.base
+        if isinstance(base, HalfSpace):
+            base = HalfSpace(moduli * base.modulus, base.poisson)
+        return Layered(
+            lengths * self.thickness, moduli * self.modulus, self.poisson, base
+        )
+
     @property
     def _shear_ratio(self) -> float:
         """Shear modulus of the layer over that of the base, 0 on a rigid base [1]."""

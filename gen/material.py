@@ -535,19 +535,49 @@ class LayeredBody(NamedTuple):
     # The body that is pressed on the layer; None if it is rigid.
     other: ElasticBody | None
 
+    @classmethod
+    def of(cls, body: "bem.Layered") -> Self:
+        """Return a layered body that a rigid one is pressed on.
+
+        Parameters
+        ----------
+        body : bem.Layered
+            The body as `bem.solve` takes it.
+
+        Returns
+        -------
+        LayeredBody
+            The same body.
+        """
+        layer = Layer(
+            thickness=body.thickness,
+            material=ElasticBody(young=body.modulus, poisson=body.poisson),
+            on_rigid=body.base == "rigid",
+        )
+        base: ElasticBody | None = None
+        if body.base != "rigid":
+            base = ElasticBody(young=body.base.modulus, poisson=body.base.poisson)
+        return cls(layer=layer, base=base, other=None)
+
+    @property
+    def alone(self) -> "bem.Layered":
+        """The layered body without the other one."""
+        import bem  # here, so that --help does not wait for it
+
+        base: bem.HalfSpace | Literal["rigid"] = "rigid"
+        if self.base is not None:
+            base = bem.HalfSpace(*self.base)
+        return bem.Layered(self.layer.thickness, *self.layer.material, base)
+
     @property
     def body(self) -> "bem.Body":
         """The layered body as `bem.solve` takes it, or the pair of both elastic bodies."""
         import bem  # here, so that --help does not wait for it
         from bem.bodies import Pair
 
-        base: bem.HalfSpace | Literal["rigid"] = "rigid"
-        if self.base is not None:
-            base = bem.HalfSpace(*self.base)
-        layered = bem.Layered(self.layer.thickness, *self.layer.material, base)
         if self.other is None:
-            return layered
-        return Pair(layered, bem.HalfSpace(*self.other))
+            return self.alone
+        return Pair(self.alone, bem.HalfSpace(*self.other))
 
     @property
     def layer_compliance(self) -> float:

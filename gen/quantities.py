@@ -11,7 +11,8 @@ Lengths are in um, pressures and moduli in MPa, forces in uN. Multiply the heigh
 a, its sides by b and its modulus E* by c, and press it by a times the Delta: the contact is the
 same. Displacements are proportional to p L / E*, so that pressures are c a / b times as large, and
 forces a b c times. A hardness has to be multiplied as pressures are (K. L. Johnson, Contact
-Mechanics, 1985, section 3.3).
+Mechanics, 1985, section 3.3). The thickness of a layer has to be multiplied by b, and the moduli of
+the layer and of its base by c: `OF_LAYERS` has these powers.
 """
 
 from __future__ import annotations
@@ -67,6 +68,17 @@ LIKE_AREAS = Powers(heights=0, lengths=2, modulus=0)
 LIKE_PRESSURES = Powers(heights=1, lengths=-1, modulus=1)
 LIKE_FORCES = Powers(heights=1, lengths=1, modulus=1)
 LIKE_STIFFNESSES = Powers(heights=0, lengths=1, modulus=1)
+LIKE_MODULI = Powers(heights=0, lengths=0, modulus=1)
+
+LAYER_THICKNESS = "layer_thickness"
+LAYER_MODULUS = "layer_modulus"
+"""Names of the numbers of a layer that scenes can draw for every sample."""
+
+OF_LAYERS: dict[str, Powers] = {
+    LAYER_THICKNESS: LIKE_LENGTHS,
+    LAYER_MODULUS: LIKE_MODULI,
+}
+"""Powers of the numbers of a layer. A contact stays the same if they follow its scale."""
 
 
 @dataclass(frozen=True)

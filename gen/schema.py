@@ -9,7 +9,15 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-from gen.quantities import DELTA, Powers, Quantity, stored_quantities
+from gen.quantities import (
+    DELTA,
+    LAYER_MODULUS,
+    LAYER_THICKNESS,
+    OF_LAYERS,
+    Powers,
+    Quantity,
+    stored_quantities,
+)
 
 SCHEMA = 1
 """Number of the layout of a database's file. Files with another number are refused."""
@@ -35,10 +43,6 @@ PHYSICS_CHANGES: dict[int, str] = {
 """Changes of the results by the `PHYSICS` number that they led to. The list begins with the solver
 that solves all contacts. Earlier solvers computed the results with numbers up to 4 for all scenes,
 and up to 10 for some scenes."""
-
-LAYER_THICKNESS = "layer_thickness"
-LAYER_MODULUS = "layer_modulus"
-"""Names of the columns with a layer's numbers that are drawn for every sample."""
 
 RUNTIME = "runtime"
 """Group of the file with the columns that differ from run to run: times, ranks and hosts."""
@@ -333,6 +337,7 @@ COLUMNS: tuple[Column, ...] = (
         "um",
         "thickness of the layer",
         optional="a range of `contact.layer.thickness`",
+        powers=OF_LAYERS[LAYER_THICKNESS],
     ),
     Column(
         LAYER_MODULUS,
@@ -340,6 +345,7 @@ COLUMNS: tuple[Column, ...] = (
         "MPa",
         "Young's modulus of the layer",
         optional="a range of `contact.layer.modulus`",
+        powers=OF_LAYERS[LAYER_MODULUS],
     ),
     *TABLE_1,
     *(_column(quantity) for quantity in _RESULTS if quantity.stored != "asked"),

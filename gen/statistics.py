@@ -350,7 +350,7 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
 
 
 def rms_slope_of(
-    statistics: Mapping[str, Values], spacing: tuple[float, float]
+    statistics: Mapping[str, Values], spacing: tuple[Values | float, Values | float]
 ) -> Values:
     """Estimate the rms slopes of surfaces from their statistics, without the surfaces.
 
@@ -363,7 +363,7 @@ def rms_slope_of(
     ----------
     statistics : mapping of str to ndarray, shape (surfaces,)
         The statistics height_rms [um], peak_density, bandwidth_x and bandwidth_y [1].
-    spacing : pair of float
+    spacing : pair of float, or of ndarray, shape (surfaces,)
         Distances between neighbouring nodes along x and y [um].
 
     Returns
@@ -381,8 +381,8 @@ def rms_slope_of(
     # An even slope has a bandwidth of 0, and files may hold any numbers, of which the square may
     # be infinite: Python's own floats would raise OverflowError.
     with np.errstate(all="ignore"):
-        squared_x = np.float64(spacing[0]) ** 2
-        squared_y = np.float64(spacing[1]) ** 2
+        squared_x = np.asarray(spacing[0], dtype=np.float64) ** 2
+        squared_y = np.asarray(spacing[1], dtype=np.float64) ** 2
         # m2 / m0 of the profiles along each axis
         along_x = change / (statistics["bandwidth_x"] * squared_x)
         along_y = change / (statistics["bandwidth_y"] * squared_y)

@@ -14,24 +14,25 @@ from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
 from gen.database import Reader
-from gen.quantities import QUANTITIES, Powers
+from gen.quantities import OF_LAYERS, QUANTITIES, Powers
 from gen.runtime.errors import InputError
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.scene.faults import shown
+from gen.scene.tables import Contact
 from gen.schema import REASONS, Column, Reason, Status
 from learn.database_rows import Dataset, Origin, Stored
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.columns import STATISTICS
+from learn.features.layers import LayerKind, Layers
 from learn.features.rows import Rows
 from learn.features.scene import BY_FORCE, SCENE, load_of, numbers_of_rows
-from learn.features.sets import limits_of
 from learn.split import MAP, TILE, populations_of, surface_groups
 
 # Columns of the two targets that every database has, by their short names on the command line.
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 # Columns of real numbers that are no targets: inputs, and the residual of the solve.
-NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", "residual"})
+NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", *OF_LAYERS, "residual"})
 # Smallest number of usable rows. A fifth of them, two rows, test a model; a score needs two.
 SMALLEST = 10
 # Largest ratio without a warning that one number hides all others from a model. It is the ratio of
@@ -171,8 +172,6 @@ def read(
         blocks=request.blocks,
         load=load,
     )
-    for part in parts:
-        _require_one_layer(part)
     if len(parts) > 1:
         _require_compatible(parts, scaled=features.scaled)
     if features.needs_surface:
@@ -269,6 +268,8 @@ def stored(path: Path, request: Request, load: str) -> Stored:
         names |= {name for name in (MAP, TILE) if name in scene.surface.PLACES}
         if scene.contact.draws_hardness:
             names.add("hardness")
+        if scene.contact.layer is not None:
+            names |= scene.contact.layer.drawn.keys()
         quantities = _quantities(reader, request.features, load)
         return Stored(
             path=path,
@@ -311,33 +312,37 @@ def _quantities(reader: Reader, features: str, load: str) -> Rows:
     scene_numbers: Mapping[str, Values] = {}
     if features == SCENE or load != "delta":
         scene_numbers = numbers_of_rows(scene, reader.column)
+    layers = Layers.of_rows(scene, reader.column)
+    e_star: Values | float = scene.contact.e_star
+    if layers is not None:
+        e_star = layers.e_star
     # Length and nodes along a side are the geometric means over both axes.
     quantities = Rows(
         statistics=np.stack([reader.column(name) for name in STATISTICS], axis=1),
         delta=reader.column("delta"),
         length=math.sqrt(math.prod(scene.grid.sides)),
-        hardness_ratio=_hardness_ratio(reader),
+        hardness_ratio=_hardness_ratio(reader, e_star),
         nodes=math.sqrt(math.prod(scene.grid.shape)),
         scene_numbers=scene_numbers,
+        layers=layers,
     )
     if load == "pressure" and features != SCENE:
-        return quantities.under(scene_numbers["pressure"], scene.contact.e_star)
+        return quantities.under(scene_numbers["pressure"], e_star)
     return quantities
 
 
-def _hardness_ratio(reader: Reader) -> Values | float | None:
-    """Return the hardness over E*: (n,) if the scene draws it, otherwise one number.
+def _hardness_ratio(reader: Reader, e_star: Values | float) -> Values | float | None:
+    """Return the hardness over E*: (n,) if the scene draws one of them, otherwise one number.
 
-    It is None for elastic bodies.
+    It is None for elastic bodies. `e_star` is E* of the rows [MPa].
     """
     contact = reader.scene.contact
-    limits = limits_of([reader.scene])
-    if limits is None:
+    if contact.hardness_limits is None:
         return None
     if contact.draws_hardness:
-        return np.asarray(reader.column("hardness") / contact.e_star)
-    constant, _ = limits  # equal numbers, as the scene does not draw the hardness
-    return constant
+        return np.asarray(reader.column("hardness") / e_star)
+    constant, _ = contact.hardness_limits  # equal numbers, as the scene does not draw it
+    return constant / e_star
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,8 +405,9 @@ class Selection:
         # then keeps its unit.
         if any(part.targets[number].powers != powers for part in parts):
             powers = None
-        # A layer has a thickness of its own, so that answers do not scale with E* and lengths.
-        if any(part.scene.contact.layer is not None for part in parts):
+        # Features with units have no thickness, so that their answers hold for one layer alone.
+        has_layers = any(part.scene.contact.layer is not None for part in parts)
+        if has_layers and not self.features.scaled:
             powers = None
         databases = [self._usable(part, number, powers) for part in parts]
         dropped = Counter[str]()
@@ -524,12 +530,13 @@ def _fingerprint(part: Stored, target: Values) -> str:
     """Return the SHA-256 of the columns of a database that decide what a model learns.
 
     These are status, Delta (or the length in its place, see `Stored.described`), statistics,
-    target, area and, if the scene draws it, the hardness. `target` is the whole column, (n,).
+    target, area and, if the scene draws them, hardness, thickness and modulus of a layer. `target`
+    is the whole column, (n,).
     """
     columns = [part.columns["status"], part.described, target]
     columns.append(part.columns["area_percent"])
-    if "hardness" in part.columns:
-        columns.append(part.columns["hardness"])
+    of_bodies = ("hardness", *OF_LAYERS)
+    columns += [part.columns[name] for name in of_bodies if name in part.columns]
     digest = hashlib.sha256()
     for column in columns:
         digest.update(np.ascontiguousarray(column).tobytes())
@@ -582,16 +589,6 @@ def _require_usable(
         )
 
 
-def _require_one_layer(part: Stored) -> None:
-    """Refuse a database that draws a layer for each sample, which no feature describes."""
-    layer = part.scene.contact.layer
-    if layer is not None and layer.drawn:
-        raise InputError(
-            f"{part.path}: draws its layers, which no feature describes: surrogates hold for one"
-            " layer; give contact.layer one thickness and one modulus"
-        )
-
-
 def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
     """Refuse databases that one surrogate cannot describe, and databases that are given twice.
 
@@ -627,10 +624,8 @@ def _common_settings(scene: Scene, *, scaled: bool) -> dict[str, Any]:
         "contact.far_field": contact.far_field,
         "contact.spacing": contact.spacing,
         "surface.side (x over y)": float(f"{along / across:.3g}"),
-        "contact.layer": contact.layer_text or "none",
+        "contact.layer": _layer_setting(contact, scaled=scaled),
     }
-    if contact.layer is not None:
-        scaled = False  # predictions hold for their own layer
     if not scaled:
         common["contact.hardness"] = "given"
         if contact.hardness_limits is None:
@@ -640,6 +635,20 @@ def _common_settings(scene: Scene, *, scaled: bool) -> dict[str, Any]:
             f"{contact.e_star:.9g}"
         )
     return common
+
+
+def _layer_setting(contact: Contact, *, scaled: bool) -> str:
+    """Return what layers must have in common, in words; "none" for half-spaces.
+
+    These are all their numbers, or Poisson's ratios alone for `scaled` features, which have the
+    other numbers.
+    """
+    body = contact.body({})
+    if body is None:
+        return "none"
+    if scaled:
+        return LayerKind.of(body).text
+    return contact.layer_text
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:

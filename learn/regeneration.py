@@ -31,7 +31,7 @@ from learn.database_rows import Stored
 from learn.executor import Executor
 from learn.features.columns import BLOCKS, HYBRID, STATISTICS
 from learn.features.sets import SETS, FeatureSet
-from learn.features.surface import LOOSE, SurfaceFeatures
+from learn.features.surface import LOOSE, CoarseMaterial, SurfaceFeatures
 
 # Version of the features in files; it is raised whenever `SurfaceFeatures.hybrid` changes values.
 VERSION = 4
@@ -75,7 +75,8 @@ class SharedSettings(NamedTuple):
 class BlockFeatures:
     """Features of the k rows of a block, and the inputs from which they were computed."""
 
-    inputs: Values  # (k, 23 or 24), Delta, the 22 statistics and, if it is drawn, the hardness
+    # (k, 23 to 26), Delta, the 22 statistics, and what is drawn of hardness and layer
+    inputs: Values
     # (k, 18 or 19), columns of `HYBRID` and, under pressures, the Delta of the solve [um]
     values: Values
 
@@ -146,8 +147,9 @@ class Cache:
         The file.
     key : str
         Fingerprint of the scene, the code and the settings on which features depend.
-    inputs : ndarray, shape (n, 23 or 24)
-        Delta, the 22 statistics and, if it is drawn, the hardness of all rows of the database.
+    inputs : ndarray, shape (n, 23 to 26)
+        Delta, the 22 statistics, and what is drawn of hardness and layer, of all rows of the
+        database.
     values : ndarray, shape (n, 18 or 19)
         Columns of `HYBRID` and, under pressures, the Delta of the solve; NaN if they are missing.
         `Regeneration` writes into this array.
@@ -189,10 +191,11 @@ class Cache:
         text = f"{VERSION} {blocks} {LOOSE} {columns} {PHYSICS} {scene.fingerprint()}"
         if pressed:
             text += " by pressure"
+        if scene.contact.layer is not None:
+            text += " layered"  # earlier versions pressed the blocks into half-spaces
         key = hashlib.sha256(text.encode()).hexdigest()
-        inputs = part.described
-        if scene.contact.draws_hardness:
-            inputs = np.column_stack([inputs, part.columns["hardness"]])
+        drawn = [part.columns[name] for name in _drawn_of_bodies(scene)]
+        inputs = np.column_stack([part.described, *drawn])
         values = features_in(path, key, inputs, columns=_width(pressed=pressed))
         return cls(path=path, key=key, inputs=inputs, values=values)
 
@@ -204,6 +207,16 @@ class Cache:
         except InputError as error:
             return f"warning: {error}: not kept"
         return ""
+
+
+def _drawn_of_bodies(scene: Scene) -> list[str]:
+    """Return the names of the columns of bodies that a scene draws: hardness and layers."""
+    names = []
+    if scene.contact.draws_hardness:
+        names.append("hardness")
+    if scene.contact.layer is not None:
+        names += scene.contact.layer.drawn
+    return names
 
 
 def _width(*, pressed: bool) -> int:
@@ -357,7 +370,6 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
         If a map or a function that surfaces are made of cannot be used.
     """
     scene = shared.scene
-    contact = scene.contact
     # `coarse_solves` has verified the maps.
     scene.surface.make_ready(shared.folder, verify=False)
     plan = parameters(scene, block.first, block.end)
@@ -365,14 +377,13 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
     if scene.quantity == "delta" and not shared.pressed:
         deltas = plan.load
     rows = block.end - block.first
-    input_columns = 1 + len(STATISTICS)
-    if contact.draws_hardness:
-        input_columns += 1
-    inputs = np.full((rows, input_columns), np.nan)
+    drawn = _drawn_of_bodies(scene)
+    inputs = np.full((rows, 1 + len(STATISTICS) + len(drawn)), np.nan)
     values = np.full((rows, _width(pressed=shared.pressed)), np.nan)
     inputs[:, 0] = deltas
-    if contact.draws_hardness:
-        inputs[:, -1] = plan.hardness
+    numbers_of_bodies = {"hardness": plan.hardness, **plan.layer}
+    for place, name in enumerate(drawn):
+        inputs[:, 1 + len(STATISTICS) + place] = numbers_of_bodies[name]
     surface: SurfaceFeatures | None = None
     for row in range(rows):
         is_first_of_surface = row == 0 or plan.surface[row] != plan.surface[row - 1]
@@ -381,11 +392,8 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
         if surface is None:  # The row failed in the database, too. Its features stay NaN.
             continue
         inputs[row, 1 : 1 + len(STATISTICS)] = _statistics(surface)
-        hardness = plan.hardness_of(row)
-        ratio: float | None = None
-        if hardness is not None:
-            ratio = hardness / contact.e_star
-        values[row] = _values(surface, float(deltas[row]), ratio, shared)
+        material = _material(scene, plan, row)
+        values[row] = _values(surface, float(deltas[row]), material, shared)
     return BlockFeatures(inputs=inputs, values=values)
 
 
@@ -410,6 +418,19 @@ def _surface(scene: Scene, plan: Plan, row: int, name: str) -> SurfaceFeatures |
     )
 
 
+def _material(scene: Scene, plan: Plan, row: int) -> CoarseMaterial:
+    """Return the material of the bodies of a row of a plan."""
+    body = scene.contact.body(plan.layer_of(row))
+    e_star = scene.contact.e_star
+    if body is not None:
+        e_star = body.e_star
+    hardness = plan.hardness_of(row)
+    ratio: float | None = None
+    if hardness is not None:
+        ratio = hardness / e_star
+    return CoarseMaterial.of(ratio, body)
+
+
 def _statistics(surface: SurfaceFeatures) -> Values:
     """Return the statistics of a surface, (22,), all NaN if they cannot be computed."""
     try:
@@ -419,15 +440,18 @@ def _statistics(surface: SurfaceFeatures) -> Values:
 
 
 def _values(
-    surface: SurfaceFeatures, load: float, ratio: float | None, shared: SharedSettings
+    surface: SurfaceFeatures,
+    load: float,
+    material: CoarseMaterial,
+    shared: SharedSettings,
 ) -> Values:
     """Return the columns of `HYBRID` for a surface, (18,), and under pressures also Delta, (19,).
 
     `load` is Delta or, under pressures, the pressure as a length (`by_pressure`): the nominal
-    pressure times L / E*, both [um]. `ratio` is the hardness over E*, None for elastic bodies. All
-    numbers are NaN if the load is not above 0, a statistic is undefined, or the coarse solve fails.
-    Under pressures a first solve finds Delta, and a second one gives the columns at this Delta. If
-    only the second one fails, Delta is kept.
+    pressure times L / E*, both [um]. `material` is that of the bodies. All numbers are NaN if the
+    load is not above 0, a statistic is undefined, or the coarse solve fails. Under pressures a
+    first solve finds Delta, and a second one gives the columns at this Delta. If only the second
+    one fails, Delta is kept.
     """
     values = np.full(_width(pressed=shared.pressed), np.nan)
     try:
@@ -435,11 +459,11 @@ def _values(
         if load > 0 and not surface.description.reason:
             if shared.pressed:
                 # the first of the two solves
-                delta = surface.reached(load, ratio, shared.blocks)
+                delta = surface.reached(load, material, shared.blocks)
                 values[-1] = delta
             else:
                 delta = load
-            values[: len(HYBRID)] = surface.hybrid(delta, ratio, shared.blocks)
+            values[: len(HYBRID)] = surface.hybrid(delta, material, shared.blocks)
     except (ArithmeticError, InputError):
         return values
     return values

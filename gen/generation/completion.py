@@ -92,7 +92,9 @@ class SampleProblem:
         if settings["hardness"] is not None:
             settings["hardness"] *= _doubling(PRESSURE.powers, doubled)
         if "body" in settings:
-            settings["body"] = _enlarged(settings["body"], doubled)
+            settings["body"] = settings["body"].scaled(
+                lengths=2.0**doubled.lengths, moduli=2.0**doubled.modulus
+            )
         else:
             settings["modulus"] *= 2.0**doubled.modulus
         stretch = 2.0**doubled.lengths  # factor of all lengths along the surface
@@ -102,20 +104,6 @@ class SampleProblem:
         side_x, side_y = self.scene.grid.sides  # [um]
         sides = (stretch * side_x, stretch * side_y)
         return bem.solve(self.heights * 2.0**doubled.heights, sides, **settings)
-
-
-def _enlarged(body: bem.Layered, doubled: Powers) -> bem.Layered:
-    """Return a layered body with its thickness or all its moduli at twice their size."""
-    stiffer = 2.0**doubled.modulus
-    base = body.base
-    if isinstance(base, bem.HalfSpace):
-        base = replace(base, modulus=stiffer * base.modulus)
-    return replace(
-        body,
-        thickness=2.0**doubled.lengths * body.thickness,
-        modulus=stiffer * body.modulus,
-        base=base,
-    )
 
 
 def _doubling(powers: Powers | None, doubled: Powers) -> float:

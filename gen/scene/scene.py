@@ -20,13 +20,13 @@ from pydantic import (
 
 from gen.distribution import Distribution, Table, conflict, limits
 from gen.generators import GENERATORS, TAGS, Surface
+from gen.quantities import LAYER_MODULUS
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.accuracy import Accuracy, completed_for_accuracy
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
-from gen.schema import LAYER_MODULUS
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
 
 THINNEST = 0.2

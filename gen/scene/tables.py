@@ -23,11 +23,10 @@ from gen.doubts import material_doubts
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, checked_names
 from gen.material import Bodies, ElasticBody, LayeredBody
 from gen.material import Layer as BondedLayer
-from gen.quantities import stored_quantities
-from gen.schema import LAYER_MODULUS, LAYER_THICKNESS
+from gen.quantities import LAYER_MODULUS, LAYER_THICKNESS, stored_quantities
 
 if TYPE_CHECKING:
-    from bem import Body
+    from bem import Layered
 
 Quantity = Literal[
     "delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"
@@ -68,10 +67,14 @@ class Layer(Table):
     base: Literal["elastic", "rigid"] = "elastic"
 
     @property
+    def numbers(self) -> dict[str, Distribution]:
+        """Thickness [um] and modulus [MPa], drawn or not, by the names of their columns."""
+        return {LAYER_THICKNESS: self.thickness, LAYER_MODULUS: self.modulus}
+
+    @property
     def drawn(self) -> dict[str, Distribution]:
         """Distributions of the numbers that are drawn for every sample, by the names of columns."""
-        numbers = {LAYER_THICKNESS: self.thickness, LAYER_MODULUS: self.modulus}
-        return {name: number for name, number in numbers.items() if is_drawn(number)}
+        return {name: number for name, number in self.numbers.items() if is_drawn(number)}
 
 
 def _span_text(distribution: Distribution) -> str:
@@ -180,7 +183,7 @@ class Contact(Table):
         )
         return LayeredBody(layer=layer, base=base, other=None)
 
-    def body(self, layer_numbers: Mapping[str, float]) -> "Body | None":
+    def body(self, layer_numbers: Mapping[str, float]) -> "Layered | None":
         """Return the layered body of a sample as `bem.solve` takes it.
 
         Parameters
@@ -190,13 +193,13 @@ class Contact(Table):
 
         Returns
         -------
-        bem.Body or None
+        bem.Layered or None
             The body; None for half-spaces.
         """
         layered = self.layered_body(layer_numbers)
         if layered is None:
             return None
-        return layered.body
+        return layered.alone
 
     def _require(self, key: str, allowed: str) -> None:
         """Raise an error unless a key has the only value allowed on a patch without edges."""
@@ -217,6 +220,15 @@ class Contact(Table):
             low, high = limits(self.layer.modulus)
             return math.sqrt(low) * math.sqrt(high) / (1 - self.layer.poisson**2)
         return self.modulus / (1 - self.poisson**2)
+
+    @property
+    def e_star_limits(self) -> tuple[float, float]:
+        """Smallest and largest E* of the samples, equal unless a layer's modulus is drawn [MPa]."""
+        if self.layer is None:
+            return self.e_star, self.e_star
+        low, high = limits(self.layer.modulus)
+        compressed = 1 - self.layer.poisson**2
+        return low / compressed, high / compressed
 
     @property
     def layer_text(self) -> str:

@@ -13,7 +13,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import Reading
-from gen.material import combined_modulus, loads_from
+from gen.material import Bodies, Layer, LayeredBody, combined_modulus, loads_from
 from gen.runtime.command_line import (
     Trust,
     grouped,
@@ -138,11 +138,14 @@ def predict(
     *,
     reading: Reading,
     material: options.Material,
+    layer: options.Layer,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training.
 
     A surrogate made with --features scene takes the scene's parameters and its load instead of
-    surfaces: --at and --delta or --pressure, or tables with a column for each.
+    surfaces: --at and --delta or --pressure, or tables with a column for each. A surrogate of
+    layers of several thicknesses or moduli takes the options of a layer, with --young and --poisson
+    of what is below it.
     """
     from gen.doubts import material_doubts
     from gen.runtime.documents import Row, write_csv
@@ -162,7 +165,8 @@ def predict(
     rows: list[Row] = []
     doubts: list[str] = []
     if surrogate.features.of_scene:
-        numbers: dict[str, Any] = {**_parameters(at, reading, material), **loads}
+        given_numbers = _parameters(at, reading, material, layer)
+        numbers: dict[str, Any] = {**given_numbers, **loads}
         rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
         predicted = "means over surfaces" if mean else "new surfaces"
         title = f"Predictions of {predicted} with {100 * level:g} % intervals"
@@ -174,7 +178,7 @@ def predict(
                 " --mean are for surrogates that learn fit --features scene makes,"
                 " --pressure for those of --load pressure"
             )
-        bodies = surrogate.bodies(_modulus(material), material.hardness)
+        bodies = _bodies(surrogate, material, layer)
         question = SurfaceQuestion(
             loads=loads[load], bodies=bodies, level=level, reading=reading
         )
@@ -203,6 +207,32 @@ def _loads(delta: str, pressure: str) -> dict[str, Values]:
         if text:
             loads[name] = np.array(loads_from(name, text))
     return loads
+
+
+def _bodies(
+    surrogate: Surrogate, material: options.Material, layer: options.Layer
+) -> Bodies:
+    """Return the bodies of the options, completed by the training of a surrogate of surfaces.
+
+    Raises InputError if they are impossible, or if the surrogate has not learnt their kind.
+    """
+    from learn.surrogate.model import under_a_rigid_body
+
+    layered = _layered(material, layer)
+    if layered is None:
+        return surrogate.bodies(_modulus(material), material.hardness)
+    return surrogate.bodies(None, material.hardness, under_a_rigid_body(layered))
+
+
+def _layered(material: options.Material, layer: options.Layer) -> LayeredBody | None:
+    """Return the bodies of the options if one of them has a layer, otherwise None.
+
+    Raises InputError if they are impossible.
+    """
+    bonded = Layer.of(*layer)
+    if bonded is None:
+        return None
+    return Bodies.with_layer(bonded, *material).layered
 
 
 def _modulus(material: options.Material) -> float | None:
@@ -275,13 +305,19 @@ def _print_reasons(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _parameters(
-    at: str, reading: Reading, material: options.Material
+    at: str, reading: Reading, material: options.Material, layer: options.Layer
 ) -> dict[str, float]:
     """Parse --at, as "hurst=0.7,rms_height=1.2"; return its numbers and the hardness, by name.
 
     The hardness [MPa] is that of --hardness, if it is given. Raises InputError for options of
-    surfaces and moduli, for a part that is no NAME=NUMBER, and for a name that is given twice.
+    surfaces, moduli and layers, for a part that is no NAME=NUMBER, and for a name that is given
+    twice.
     """
+    if layer != options.Layer():
+        raise InputError(
+            "the surrogate's layer is that of its scene: leave out the options --layer-*; a layer"
+            " that the scene draws has layer_thickness and layer_modulus in --at"
+        )
     if _modulus(material) is not None:
         raise InputError(
             "the surrogate's E* is that of its scene, which learn card tells: leave out"
@@ -334,6 +370,7 @@ def law(
     files: options.LawOutputs,
     reading: Reading,
     material: options.Material,
+    layer: options.Layer,
 ) -> None:
     """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
 
@@ -352,7 +389,7 @@ def law(
     figure = figure_for(files.picture, width=12.0, height=7.0)
     surrogate = _surrogate_of_law(inputs, question)
     order = replace(
-        _order(inputs, surrogate, question, material),
+        _order(inputs, surrogate, question, material, layer),
         reading=reading,
         between=files.refined_tables,
         straight=files.straight_lines,
@@ -361,7 +398,7 @@ def law(
     if surrogate is None:
         contact_law = _solved_law(order)
     elif surrogate.features.of_scene:
-        numbers = _parameters(question.at, reading, material)
+        numbers = _parameters(question.at, reading, material, layer)
         contact_law = law_of_parameters(surrogate, order, numbers)
     else:
         contact_law = law_of_surfaces(surrogate, order)
@@ -375,6 +412,7 @@ def _order(
     surrogate: Surrogate | None,
     question: LawQuestion,
     material: options.Material,
+    layer: options.Layer,
 ) -> Order:
     """Return the order of a law with its surfaces, loads and material.
 
@@ -401,14 +439,17 @@ def _order(
     conductivities: tuple[float, float] | None = None
     if question.conductivity:
         conductivities = require_conductivities(question.conductivity)
+    layered = _layered(material, layer)
+    e_star = layered.e_star if layered is not None else _modulus(material)
     return Order(
         inputs=tuple(surfaces),
         delta=question.delta,
         pressure=question.pressure,
         surfaces=question.surfaces,
         level=interval,
-        e_star=_modulus(material),
+        e_star=e_star,
         hardness=material.hardness,
+        layered=layered,
         layer_in=question.layer_in,
         boundary=boundary,
         conductivities=conductivities,

@@ -42,6 +42,12 @@ PLASTIC = "sqrt(coarse_force/(hardness.L2))"
 # A coarser grid leaves out short waves, and counts a contact in larger cells.
 NODES = "log2(nodes)"
 
+# Logarithm of the thickness of a layer times the wave number of the surface (its rms slope over its
+# rms height), a feature of bodies with a layer.
+LAYER_DEPTH = "log(wave_number.thickness)"
+# Logarithm of E* of the base over E* of the layer, a feature if it differs between rows.
+BASE_RATIO = "log(base_E*/E*)"
+
 # Number of blocks per side in the coarse solve. If a side has fewer nodes, each node is a block.
 BLOCKS = 33
 # Numbers of blocks from which a user can choose. A patch without edges has one block less per side,

@@ -13,10 +13,15 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
+from gen.statistics import rms_slope_of
 from learn.features.columns import HEIGHTS, STATISTICS
+from learn.features.layers import Layers, joined_layers
 
 # Positions in `STATISTICS` of the statistics that are heights.
 HEIGHT_PLACES = [STATISTICS.index(name) for name in HEIGHTS]
+
+# Statistics from which the rms slope follows.
+OF_SLOPE = ("height_rms", "peak_density", "bandwidth_x", "bandwidth_y")
 
 Remark = TypeVar("Remark")  # type of the remarks on rows: a note (str) or a `Grid`
 
@@ -50,15 +55,16 @@ class Rows:
     scene_numbers: Mapping[str, Values] = field(default_factory=dict)
     # one grid for all rows, or n; empty if unknown
     grids: tuple[Grid, ...] = ()
+    layers: Layers | None = None  # layers of n rows; None for half-spaces
 
-    def under(self, pressure: Values, e_star: float) -> "Rows":
+    def under(self, pressure: Values, e_star: Values | float) -> "Rows":
         """Return the rows with Delta replaced by the length p L / E* of pressures (`by_pressure`).
 
         Parameters
         ----------
         pressure : ndarray, shape (n,)
             Nominal pressures [MPa].
-        e_star : float
+        e_star : float or ndarray, shape (n,)
             E* [MPa].
 
         Returns
@@ -112,6 +118,25 @@ class Rows:
             ratio = np.inf
         return np.ones(len(self.delta)) * ratio
 
+    @property
+    def layers_of_bodies(self) -> Layers:
+        """Layers of n rows; raises InputError for half-spaces."""
+        if self.layers is None:
+            raise InputError("the surrogate was trained on layers: give the layer")
+        return self.layers
+
+    @property
+    def wave_number(self) -> Values:
+        """Wave number of the surfaces, their rms slope over their rms height, (n,) [1/um].
+
+        It follows from the statistics (`gen.statistics.rms_slope_of`) and the spacing of the nodes.
+        Raises InputError if the nodes are unknown.
+        """
+        spacing = self.length / self.nodes_per_side
+        of_slope = {name: self.statistics[:, STATISTICS.index(name)] for name in OF_SLOPE}
+        slope = rms_slope_of(of_slope, (spacing, spacing))
+        return np.asarray(slope / of_slope["height_rms"])
+
     def capped(self) -> "Rows":
         """Return the rows with hardnesses limited to a ceiling that no elastic contact reaches.
 
@@ -127,7 +152,9 @@ class Rows:
         return replace(self, hardness_ratio=ratios)
 
 
-def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Values:
+def by_pressure(
+    pressure: Values, length: Values | float, modulus: Values | float
+) -> Values:
     """Return the length p L / E*, which replaces Delta in features of surfaces under a pressure.
 
     If heights are scaled by a and sides by b, the pressures of equal contacts are a / b times as
@@ -140,7 +167,7 @@ def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Val
         Nominal pressures p [MPa].
     length : float or ndarray, shape (n,)
         Scan length L [um].
-    modulus : float
+    modulus : float or ndarray, shape (n,)
         E* [MPa].
 
     Returns
@@ -189,6 +216,7 @@ def joined(parts: Sequence[Rows]) -> Rows:
         notes=notes,
         scene_numbers=_joined_scene_numbers(parts),
         grids=grids,
+        layers=joined_layers([part.layers for part in parts], sizes),
     )
 
 

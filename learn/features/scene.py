@@ -16,8 +16,10 @@ from bem.checks import real_array
 from gen.arrays import Values
 from gen.distribution import limits
 from gen.generators import GENERATORS
+from gen.quantities import LAYER_MODULUS, LAYER_THICKNESS
 from gen.runtime.errors import InputError, input_errors
 from gen.scene import Scene, parameter_columns
+from learn.features.layers import Layers
 
 # Name of the feature set.
 SCENE = "scene"
@@ -43,6 +45,8 @@ RELATIVE: Mapping[str, str] = {
 BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})
 # Units of the two numbers for the hardness of a scene; the ratio is over E*.
 HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
+# Units of the numbers of a layer that scenes can draw.
+OF_LAYER: Mapping[str, str] = {LAYER_THICKNESS: "um", LAYER_MODULUS: "MPa"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +101,7 @@ def unit_of(column: str) -> str:
             units[name] = parameter.unit
     units |= LOADS
     units |= HARDNESSES
+    units |= OF_LAYER
     return units.get(plain(column), "1")
 
 
@@ -137,7 +142,8 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
     -------
     dict of str to ndarray, shape (n,)
         Numbers by name: the parameters that the scene draws, Delta [um], force [uN], pressure
-        [MPa], the load that the scene draws and, for bodies that yield, both `HARDNESSES`.
+        [MPa], the load that the scene draws, the numbers of a layer and, for bodies that yield,
+        both `HARDNESSES`.
     """
     # Each node has a whole cell, also at the border of the patch.
     nominal_area = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))  # [um2]
@@ -145,13 +151,23 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
     for name, stored_name in parameter_columns(scene).items():
         numbers[name] = column(stored_name)
     contact = scene.contact
+    layers = Layers.of_rows(scene, column)
+    e_star: Values | float = contact.e_star
+    if layers is not None:
+        e_star = layers.e_star
+    if contact.layer is not None:
+        for name, number in contact.layer.numbers.items():
+            if name in contact.layer.drawn:
+                numbers[name] = column(name)
+            else:
+                numbers[name] = np.full_like(column("delta"), limits(number).smallest)
     if contact.hardness_limits is not None:
         if contact.draws_hardness:
             hardness = column("hardness")
         else:  # Both limits are the constant hardness of the scene.
             hardness = np.full_like(column("delta"), contact.hardness_limits[0])
         numbers["hardness"] = hardness
-        numbers["hardness_ratio"] = hardness / contact.e_star
+        numbers["hardness_ratio"] = hardness / e_star
     force = column("force")
     numbers["delta"] = column("delta")
     numbers["force"] = force
@@ -292,14 +308,17 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
 
 
 def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
-    """Return the names of the parameters that any scene draws, and then the name of the hardness.
+    """Return the names of drawn parameters, of the numbers of a layer, and of the hardness.
 
-    The name of the hardness is "hardness" if any scene gives it in MPa. Otherwise it is
-    "hardness_ratio", also if all bodies are elastic and have no hardness.
+    The parameters are those that any scene draws. There are no layers if all scenes have
+    half-spaces. The name of the hardness is "hardness" if any scene gives it in MPa. Otherwise it
+    is "hardness_ratio", also if all bodies are elastic and have no hardness.
     """
     names: list[str] = []
     for scene in scenes:
         names += [name for name in scene.drawn_parameters if name not in names]
+    if any(scene.contact.layer is not None for scene in scenes):
+        names += OF_LAYER
     if all(scene.contact.hardness is None for scene in scenes):
         return [*names, "hardness_ratio"]
     return [*names, "hardness"]
@@ -336,10 +355,13 @@ def _limits(scene: Scene, name: str) -> Limits | None:
     Returns None if the scene does not draw the parameter or load, or, for a hardness, if the bodies
     are elastic.
     """
-    if name in scene.drawn_parameters:
-        low, high = limits(scene.drawn_parameters[name])
-        return Limits(low=low, high=high)
     contact = scene.contact
+    distributions = dict(scene.drawn_parameters)
+    if contact.layer is not None:
+        distributions |= contact.layer.numbers
+    if name in distributions:
+        low, high = limits(distributions[name])
+        return Limits(low=low, high=high)
     if name in HARDNESSES:
         if contact.hardness_limits is None:
             return None

@@ -10,7 +10,7 @@ they span decades. Densities are per node, and the other features are pure numbe
 
 Bodies that yield have one feature more. Pressures scale with E* h / L, and the feature is the
 logarithm of the hardness over this pressure. (With this ratio itself, or the hardness over E*,
-errors are larger.)
+errors are larger.) Bodies with a layer have one or two features more (`learn.features.layers`).
 
 The hybrid set adds columns from the heights and from a coarse contact solve. With 2,540 training
 rows of the paper preset, the nMSE of the area is 0.28 % with the columns `COARSE`, 0.26 % with
@@ -34,6 +34,7 @@ from gen.scene import Scene
 from learn.features import scene as scenic
 from learn.features.columns import (
     BANDWIDTHS,
+    BASE_RATIO,
     BLOCK_COUNTS,
     BLOCKS,
     COARSE,
@@ -42,6 +43,7 @@ from learn.features.columns import (
     HARDNESS,
     HEIGHTS,
     HYBRID,
+    LAYER_DEPTH,
     LOCAL,
     NODES,
     PLASTIC,
@@ -53,6 +55,7 @@ from learn.features.columns import (
     UNITS,
     WITHOUT_UNITS,
 )
+from learn.features.layers import TrainedLayers
 from learn.features.rows import Rows
 from learn.features.scene import SCENE
 
@@ -106,6 +109,18 @@ def _plastic(rows: Rows) -> Values:
     return np.sqrt(share)
 
 
+def _layer_depth(rows: Rows) -> Values:
+    """Return the logarithm of the thickness of the layers times the wave number, (n,)."""
+    depth = rows.layers_of_bodies.thickness * rows.wave_number
+    return np.asarray(np.log(depth))
+
+
+def _base_ratio(rows: Rows) -> Values:
+    """Return the logarithm of E* of the bases over that of the layers, (n,)."""
+    ratio = np.broadcast_to(rows.layers_of_bodies.base_ratio, len(rows.delta))
+    return np.asarray(np.log(ratio))
+
+
 def _formulas() -> dict[str, Formula]:
     """Return the formula of every feature of a surface by the name of its column."""
     formulas: dict[str, Formula] = {
@@ -116,6 +131,8 @@ def _formulas() -> dict[str, Formula]:
         SCALED_HARDNESS: _scaled_hardness,
         PLASTIC: _plastic,
         NODES: lambda rows: np.log2(rows.nodes_per_side),
+        LAYER_DEPTH: _layer_depth,
+        BASE_RATIO: _base_ratio,
     }
     for number, name in enumerate(STATISTICS):
         formulas[name] = partial(_statistic, number)
@@ -231,7 +248,7 @@ class FeatureSet(ABC):
             scenes define, these limits.
         """
 
-    def scale(self, powers: Powers | None, rows: Rows, modulus: float) -> Values:
+    def scale(self, powers: Powers | None, rows: Rows, modulus: Values | float) -> Values:
         """Return the numbers by which a target is divided before it is learnt.
 
         The quotient has no unit. For a target that is proportional to E*, the height in the divisor
@@ -245,8 +262,8 @@ class FeatureSet(ABC):
             proportional to any.
         rows : Rows
             n rows.
-        modulus : float
-            E* [MPa].
+        modulus : float or ndarray, shape (n,)
+            E* of rows of half-spaces [MPa]. Rows of layers have their own.
 
         Returns
         -------
@@ -258,7 +275,9 @@ class FeatureSet(ABC):
             return ones
         heights = rows.delta if powers.modulus else rows.height_unit
         length = np.asarray(rows.length, dtype=np.float64)  # one number, or (n,)
-        scale = modulus**powers.modulus * length ** float(powers.lengths)
+        if rows.layers is not None:
+            modulus = rows.layers.e_star
+        scale = modulus ** float(powers.modulus) * length ** float(powers.lengths)
         scale = scale * heights ** float(powers.heights) * ones
         return np.asarray(scale, dtype=np.float64)
 
@@ -486,7 +505,12 @@ def chosen(
     if load not in {"", "delta", "pressure"}:
         raise InputError(f"--load {load}: --features {name} take delta or pressure")
     hardness = _hardness_columns(features, scenes)
-    added = [*_root_columns(features, roots=roots), *hardness, *_node_columns(scenes)]
+    added = [
+        *_root_columns(features, roots=roots),
+        *hardness,
+        *_node_columns(scenes),
+        *_layer_columns(features, scenes),
+    ]
     has_local_columns = roots and features.needs_surface
     blocks_per_side = 0
     if has_local_columns:
@@ -575,6 +599,26 @@ def _node_columns(scenes: Sequence[Scene]) -> list[str]:
     return []
 
 
+def _layer_columns(features: FeatureSet, scenes: Sequence[Scene]) -> list[str]:
+    """Return the columns of layers that a set needs for some scenes; none for half-spaces.
+
+    Sets with units have none. Raises InputError for such a set if the layers of scenes differ.
+    """
+    layers = TrainedLayers.of_scenes(scenes)
+    if layers is None:
+        return []
+    if not features.scaled:
+        if layers.only is None:
+            raise InputError(
+                f"--features {features.name}: have no layers, which differ here ({layers.text}):"
+                " give --features dimensionless, hybrid or scene"
+            )
+        return []
+    if layers.base_ratio is not None and layers.base_ratio[0] < layers.base_ratio[1]:
+        return [LAYER_DEPTH, BASE_RATIO]
+    return [LAYER_DEPTH]
+
+
 def limits_of(scenes: Sequence[Scene]) -> tuple[float, float] | None:
     """Return the smallest and the largest hardness over E* of some scenes.
 
@@ -590,8 +634,11 @@ def limits_of(scenes: Sequence[Scene]) -> tuple[float, float] | None:
     """
     ratios: list[float] = []
     for scene in scenes:
-        limits = scene.contact.hardness_limits or ()
-        ratios += [hardness / scene.contact.e_star for hardness in limits]
+        limits = scene.contact.hardness_limits
+        if limits is None:
+            continue
+        softest, stiffest = scene.contact.e_star_limits
+        ratios += [limits[0] / stiffest, limits[1] / softest]
     if not ratios:
         return None
     return min(ratios), max(ratios)

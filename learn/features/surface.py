@@ -14,8 +14,11 @@ rms for the surface and one rms slope for each block. This slope and the pressur
 decide which share of the block is in contact.
 """
 
+from __future__ import annotations  # so that help() shows the short names of types
+
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,8 +29,10 @@ import bem
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.runtime.errors import InputError
+from gen.scene.scene import THINNEST
 from gen.statistics import Description, describe
 from learn.features.columns import BLOCKS, FACTORS, HYBRID, POWERS, SHIFTS
+from learn.features.layers import Layers
 from learn.features.rows import Grid, Rows, by_pressure
 from learn.features.sets import FeatureSet
 
@@ -193,6 +198,76 @@ def _squared_slopes(heights: Values, step: float) -> Values:
     return np.asarray((after + before) / 2)
 
 
+@dataclass(frozen=True)
+class CoarseMaterial:
+    """Material of the bodies in a coarse solve, in which E* is 1 MPa."""
+
+    hardness_ratio: float | None = None  # hardness over E*; None for elastic bodies
+    layer: bem.Layered | None = None  # body with a layer; None for half-spaces
+
+    @classmethod
+    def of(cls, hardness_ratio: float | None, body: bem.Layered | None) -> CoarseMaterial:
+        """Return the material of bodies.
+
+        Parameters
+        ----------
+        hardness_ratio : float or None
+            Hardness over E*; None for elastic bodies.
+        body : bem.Layered or None
+            Body with a layer; None for half-spaces.
+
+        Returns
+        -------
+        CoarseMaterial
+            The material, with all moduli over E*.
+        """
+        if body is None:
+            return cls(hardness_ratio=hardness_ratio)
+        layer = body.scaled(moduli=1 / body.e_star)
+        return cls(hardness_ratio=hardness_ratio, layer=layer)
+
+    @property
+    def has_full_contact(self) -> bool:
+        """Whether a patch without edges is in full contact from some Delta on.
+
+        Then no equilibrium exists beyond this Delta.
+        """
+        if self.hardness_ratio is not None:
+            return False
+        return self.layer is None or not self.layer.mean_compliance
+
+    def with_thickness_of_at_least(self, least: float) -> CoarseMaterial:
+        """Return the material with a layer of this thickness [um] if its own is smaller."""
+        if self.layer is None or self.layer.thickness >= least:
+            return self
+        return replace(self, layer=replace(self.layer, thickness=least))
+
+
+ELASTIC = CoarseMaterial()
+
+
+def _materials(
+    hardness_ratio: Values | float | None, bodies: Sequence[bem.Layered], number: int
+) -> list[CoarseMaterial]:
+    """Return the materials of the coarse solves of a number of contacts.
+
+    The hardness over E* is one number, one for each contact, or None. The bodies are those of the
+    contacts, one body for all of them, or none for half-spaces.
+    """
+    ratios: list[float | None] = [None] * number
+    if hardness_ratio is not None:
+        ratios = np.broadcast_to(hardness_ratio, number).tolist()
+    layers: list[bem.Layered | None] = [None] * number
+    if len(bodies) == 1:
+        layers = [bodies[0]] * number
+    elif bodies:
+        layers = list(bodies)
+    return [
+        CoarseMaterial.of(ratio, layer)
+        for ratio, layer in zip(ratios, layers, strict=True)
+    ]
+
+
 class Undefined(InputError):
     """Raised for a surface for which any of the 22 statistics is undefined."""
 
@@ -234,6 +309,7 @@ class SurfaceFeatures:
         loads: Values,
         hardness_ratio: Values | float | None = None,
         e_star: float = 1.0,
+        bodies: Sequence[bem.Layered] = (),
     ) -> Rows:
         """Return the numbers from which features of a set are computed, one row for each load.
 
@@ -246,7 +322,9 @@ class SurfaceFeatures:
         hardness_ratio : float or ndarray, shape (k,), optional
             Hardness over E*; bodies are elastic if left out.
         e_star : float
-            E* [MPa], used for pressures only.
+            E* of a half-space [MPa], used for pressures only.
+        bodies : sequence of bem.Layered
+            Body of each row, or one body for all rows; empty for half-spaces.
 
         Returns
         -------
@@ -266,23 +344,26 @@ class SurfaceFeatures:
         # Delta, or the length p L / E* that replaces it under pressures.
         lengths = loads
         scene_numbers: dict[str, Values] = {}
+        layers: Layers | None = None
+        modulus: Values | float = e_star
+        if bodies:
+            layers = Layers.of_bodies(bodies)
+            modulus = layers.e_star
         if features.by_pressure:
-            lengths = by_pressure(loads, self.length, e_star)
+            lengths = by_pressure(loads, self.length, modulus)
             scene_numbers["pressure"] = loads
         self._require_usable(loads, lengths, are_pressures=features.by_pressure)
         notes: tuple[str, ...] = ()
         if not features.by_pressure and hardness_ratio is None:
-            notes = self._notes_on_full_contact(loads)
+            notes = self._notes_on_full_contact(loads, bodies)
         deltas = lengths
         hybrid: Values | None = None
         if features.needs_surface:
-            ratios: list[float | None] = [None] * loads.size
-            if hardness_ratio is not None:
-                ratios = np.broadcast_to(hardness_ratio, loads.shape).tolist()
+            materials = _materials(hardness_ratio, bodies, loads.size)
             if features.by_pressure:
                 # The features are those at the Delta that the coarse solve reaches.
-                deltas = self._reached_deltas(lengths, ratios, features)
-            hybrid = self._hybrid_rows(deltas, ratios, features)
+                deltas = self._reached_deltas(lengths, materials, features)
+            hybrid = self._hybrid_rows(deltas, materials, features)
         statistics = list(self.description.values.values())
         return Rows(
             statistics=np.tile(statistics, (loads.size, 1)),
@@ -294,6 +375,7 @@ class SurfaceFeatures:
             notes=notes,
             scene_numbers=scene_numbers,
             grids=(Grid(shape=self.heights.shape, sides=self.sides),),
+            layers=layers,
         )
 
     def _require_usable(
@@ -317,44 +399,47 @@ class SurfaceFeatures:
                 f"{self.name}: statistics undefined: {self.description.reason}"
             )
 
-    def _notes_on_full_contact(self, deltas: Values) -> tuple[str, ...]:
+    def _notes_on_full_contact(
+        self, deltas: Values, bodies: Sequence[bem.Layered]
+    ) -> tuple[str, ...]:
         """Return for each Delta, (k,) [um], a note if the contact of elastic bodies is full.
 
-        The note is "" below full contact. For a patch with edges the tuple is empty, because its
-        contact has an equilibrium at any Delta.
+        The note is "" below full contact. The tuple is empty if the contact has an equilibrium at
+        any Delta: on a patch with edges, and on bodies that a mean pressure compresses.
         """
-        if self.boundary == "free":
+        if self.boundary == "free" or any(body.mean_compliance for body in bodies):
             return ()
         delta_of_full_contact = float((self.heights.max() - self.heights).mean())
         note = f"no equilibrium: the contact is full at delta = {delta_of_full_contact:.6g} um"
         return tuple(np.where(deltas >= delta_of_full_contact, note, "").tolist())
 
     def _reached_deltas(
-        self, lengths: Values, ratios: list[float | None], features: FeatureSet
+        self, lengths: Values, materials: Sequence[CoarseMaterial], features: FeatureSet
     ) -> Values:
         """Return the Deltas, (k,) [um], at which coarse solves carry given pressures.
 
-        `lengths`, (k,), are the pressures times L / E* [um]; `ratios` are k hardnesses over E*,
-        None for elastic bodies.
+        `lengths`, (k,), are the pressures times L / E* [um]; `materials` are those of k contacts.
         """
         blocks = features.blocks or BLOCKS
-        pairs = zip(lengths, ratios, strict=True)
-        return np.array([self.reached(length, ratio, blocks) for length, ratio in pairs])
+        pairs = zip(lengths, materials, strict=True)
+        return np.array(
+            [self.reached(length, material, blocks) for length, material in pairs]
+        )
 
     def _hybrid_rows(
-        self, deltas: Values, ratios: list[float | None], features: FeatureSet
+        self, deltas: Values, materials: Sequence[CoarseMaterial], features: FeatureSet
     ) -> Values:
         """Return the columns of `HYBRID`, (k, 18), at each Delta, (k,) [um].
 
-        `ratios` are k hardnesses over E*, None for elastic bodies.
+        `materials` are those of k contacts.
         """
         blocks = features.blocks or BLOCKS
-        pairs = zip(deltas.tolist(), ratios, strict=True)
-        rows = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
+        pairs = zip(deltas.tolist(), materials, strict=True)
+        rows = [self.hybrid(delta, material, blocks) for delta, material in pairs]
         return np.array(rows).reshape(-1, len(HYBRID))
 
     def reached(
-        self, scaled_pressure: float, hardness_ratio: float | None, blocks: int
+        self, scaled_pressure: float, material: CoarseMaterial, blocks: int
     ) -> float:
         """Return the Delta at which the coarse solve carries a pressure.
 
@@ -362,8 +447,8 @@ class SurfaceFeatures:
         ----------
         scaled_pressure : float
             Nominal pressure times L / E*, a length [um].
-        hardness_ratio : float or None
-            Hardness over E*; None for elastic bodies.
+        material : CoarseMaterial
+            Material of the bodies.
         blocks : int
             Blocks per side of the coarse solve.
 
@@ -380,14 +465,12 @@ class SurfaceFeatures:
         coarse = self._blocks(blocks)
         # The coarse solve has E* = 1 MPa: its pressure is the pressure over E*.
         pressure = scaled_pressure / self.length
-        contact = self._pressed(
-            coarse, depth=None, hardness_ratio=hardness_ratio, pressure=pressure
-        )
+        contact = self._pressed(coarse, depth=None, material=material, pressure=pressure)
         # Its Delta is measured from the highest block, which is below the highest node.
         return contact.delta + self._height_above_blocks(coarse)
 
     def hybrid(
-        self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
+        self, delta: float, material: CoarseMaterial = ELASTIC, blocks: int = BLOCKS
     ) -> tuple[float, ...]:
         """Return the columns of the coarse solve at one Delta.
 
@@ -395,8 +478,8 @@ class SurfaceFeatures:
         ----------
         delta : float
             Displacement Delta, above 0 [um].
-        hardness_ratio : float, optional
-            Hardness over E*; elastic bodies if left out.
+        material : CoarseMaterial
+            Material of the bodies; elastic half-spaces if left out.
         blocks : int
             Blocks per side of the coarse solve.
 
@@ -428,7 +511,7 @@ class SurfaceFeatures:
                 0.0,  # perimeter
                 coarse.skewness,
             )
-        contact = self._pressed(coarse, depth=depth, hardness_ratio=hardness_ratio)
+        contact = self._pressed(coarse, depth=depth, material=material)
         displacement = coarse.interpolated(contact.displacement)
         # The residual of the solve is subtracted: nodes within it are not above the displacement.
         above = interference - displacement - LOOSE * delta
@@ -448,15 +531,16 @@ class SurfaceFeatures:
         self,
         coarse: Blocks,
         depth: float | None,
-        hardness_ratio: float | None,
+        material: CoarseMaterial,
         pressure: float | None = None,
     ) -> bem.Contact:
         """Solve the contact of the blocks with E* = 1 MPa; raise InputError if that fails.
 
         The load is a depth below the highest block [um] or, with depth None, a nominal pressure
         over E*. A depth of elastic bodies without edges is at most `NEARLY_FULL` times the depth at
-        which the blocks are in full contact; larger ones are reduced to this. `hardness_ratio` is
-        the hardness over E*, None for elastic bodies.
+        which the blocks are in full contact; larger ones are reduced to this. Bodies that a mean
+        pressure compresses have no such limit. On a free patch, where layers that are much thinner
+        than the blocks cannot be solved, these have the least thickness that can.
         """
         means = coarse.means
         step_x, step_y = self.spacing
@@ -464,7 +548,9 @@ class SurfaceFeatures:
         blocks_x, blocks_y = means.shape
         # Mean distances of neighbouring blocks, whose sizes may differ by one node.
         steps = (step_x * nodes_x / blocks_x, step_y * nodes_y / blocks_y)
-        if self.boundary != "free" and hardness_ratio is None and depth is not None:
+        if self.boundary == "free":
+            material = material.with_thickness_of_at_least(THINNEST * max(steps))
+        elif depth is not None and material.has_full_contact:
             depth_of_full_contact = float(means.max()) - float(means.mean())
             depth = min(depth, NEARLY_FULL * depth_of_full_contact)
         try:
@@ -475,7 +561,8 @@ class SurfaceFeatures:
                 pressure=pressure,
                 spacing=steps,
                 boundary=self.boundary,
-                hardness=hardness_ratio,
+                body=material.layer,
+                hardness=material.hardness_ratio,
                 rtol=LOOSE,
             )
         except (bem.NotConverged, ArithmeticError, ValueError) as error:
@@ -510,7 +597,8 @@ class SurfaceFeatures:
         coarse = self._blocks(BLOCKS)
         # A Delta that reaches no block has the means of a very light contact.
         depth = max(self._depth(coarse, delta), SMALLEST_DEPTH * delta)
-        contact = self._pressed(coarse, depth=depth, hardness_ratio=hardness_ratio)
+        material = CoarseMaterial(hardness_ratio=hardness_ratio)
+        contact = self._pressed(coarse, depth=depth, material=material)
         # The coarse solve has E* = 1 MPa, so that F / (E* L) is its force over L.
         compliance = self._mean_displacement(contact) * self.length / contact.force
         yielded_depth = 0.0
@@ -519,8 +607,11 @@ class SurfaceFeatures:
         return CoarseMeans(compliance=compliance, yielded_depth=yielded_depth)
 
     def _mean_displacement(self, contact: bem.Contact) -> float:
-        """Return the mean displacement of a coarse contact [um]; 0 for a patch without edges."""
-        if self.boundary != "free":
+        """Return the mean displacement of a coarse contact [um].
+
+        It is 0 for a patch without edges, unless a mean pressure compresses the body.
+        """
+        if self.boundary != "free" and not contact.problem.body.mean_compliance:
             return 0.0
         return float(contact.displacement.mean())
 

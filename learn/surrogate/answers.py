@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import bem
 from gen.arrays import Values
 from gen.maps.bodies import read_surface
 from gen.maps.read import files_in, parse_sides
@@ -27,6 +28,7 @@ from gen.runtime.files import require_file
 from gen.runtime.terminal import command_to_type, echo
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.columns import STATISTICS
+from learn.features.layers import Layers
 from learn.features.rows import Grid, Rows
 from learn.features.scene import unit_of
 from learn.surrogate.model import Prediction, Surrogate
@@ -173,7 +175,11 @@ def _answer_for_map(
     )
     try:
         rows = surface.rows(
-            surrogate.features, question.loads, bodies.hardness_ratio, bodies.e_star
+            surrogate.features,
+            question.loads,
+            bodies.hardness_ratio,
+            bodies.e_star,
+            _layered(bodies),
         )
     except Undefined as error:
         if is_only_file:
@@ -184,6 +190,13 @@ def _answer_for_map(
         return FileAnswer(prediction=no_prediction, warnings=warnings)
     prediction = surrogate.predict_rows(rows, e_star=bodies.e_star, level=question.level)
     return FileAnswer(prediction=prediction, warnings=warnings)
+
+
+def _layered(bodies: Bodies) -> list[bem.Layered]:
+    """Return the body with a layer, as one body for all rows; none for half-spaces."""
+    if bodies.layered is None:
+        return []
+    return [bodies.layered.alone]
 
 
 def _no_prediction(surrogate: Surrogate, loads: Values, reason: str) -> Prediction:
@@ -435,6 +448,9 @@ def _rows_of_statistics(
         "statistics undefined: nan in the table" if lacks else "" for lacks in undefined
     ]
     loads = np.tile(question.loads, len(cells))
+    layers: Layers | None = None
+    if question.bodies.layered is not None:
+        layers = Layers.of_bodies(_layered(question.bodies))
     places = np.repeat(np.arange(len(cells)), question.loads.size)
     rows = Rows(
         statistics=statistics[places],
@@ -444,6 +460,7 @@ def _rows_of_statistics(
         nodes=np.sqrt(nodes.prod(axis=1))[places],
         notes=tuple(notes[place] for place in places),
         grids=tuple(grids[place] for place in places),
+        layers=layers,
     )
     if surrogate.features.load == "delta":
         return rows

@@ -21,6 +21,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_columns, printable
 from learn.database_rows import Dataset, Origin
 from learn.dataset import Request
+from learn.features.columns import LAYER_DEPTH
+from learn.features.layers import TrainedLayers, span_text
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of
 from learn.metrics import magnitude, no_better, scores
@@ -145,10 +147,12 @@ def _unusual(rows: Dataset, databases: list[dict[str, Any]]) -> dict[str, Any]:
     boundary = rows.origins[0].scene.contact.boundary
     if boundary != "free":
         unusual["boundary"] = boundary
-    layer = rows.origins[0].scene.contact.layer_text
-    if layer:
-        unusual["layer"] = layer
-    limits = limits_of([origin.scene for origin in rows.origins])
+    scenes = [origin.scene for origin in rows.origins]
+    layers = TrainedLayers.of_scenes(scenes)
+    if layers is not None:
+        unusual["layer"] = layers.text
+        unusual["layers"] = layers.entry
+    limits = limits_of(scenes)
     if limits is not None:
         unusual["hardness_ratio"] = list(limits)
     if features.elastic:
@@ -368,6 +372,8 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
         f" {sum(rows['left_out'].values())} left out"
     )
     yield f"trained   on {_training_text(card)}"
+    if "layers" in card:
+        yield _layer_line(card)
     for name, target in card["targets"].items():
         yield from _target_lines(name, target)
     yield from _interval_lines(card)
@@ -471,9 +477,12 @@ def _training_text(card: Mapping[str, Any]) -> str:
     """Return patches, loads and bodies of the training in words."""
     # The card of a single database has the entries of this database itself.
     patches = [_patch_text(entry) for entry in card.get("databases", [card])]
+    modulus = f"{card['modulus']:g}"
+    if "layers" in card:
+        modulus = span_text(TrainedLayers.of_card(card["layers"]).e_star)
     text = (
         f"{' and '.join(dict.fromkeys(patches))}, Delta {card['delta'][0]:.4g} to"
-        f" {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa"
+        f" {card['delta'][1]:.4g} um, E* {modulus} MPa"
     )
     if card["area_max"] is not None:
         text += f", areas to {card['area_max']:g} %"
@@ -488,6 +497,27 @@ def _training_text(card: Mapping[str, Any]) -> str:
     if "layer" in card:
         text += f", a layer of {card['layer']}"
     return text
+
+
+def _layer_line(card: Mapping[str, Any]) -> str:
+    """Return the line on the layers that a surrogate holds for.
+
+    The card is that of a surrogate of layers.
+    """
+    layers = TrainedLayers.of_card(card["layers"])
+    columns = [name for name, _unit in card["columns"]]
+    if LAYER_DEPTH not in columns:
+        held = "this layer alone, at the lengths and moduli of the training"
+        if card["features"] == SCENE:
+            held = "the layers of the scene"
+        return f"layers    holds for {held}"
+    ratio = "a rigid base"
+    if layers.base_ratio is not None:
+        ratio = f"E* of the base {span_text(layers.base_ratio)} times that of the layer"
+    return (
+        f"layers    holds for {layers.kind.text}, {ratio}, at any scale of lengths and moduli"
+        f" at which {LAYER_DEPTH} is in its range"
+    )
 
 
 def _patch_text(entry: Mapping[str, Any]) -> str:

@@ -496,11 +496,9 @@ def _predicted(
     Raises InputError if a prediction is not finite.
     """
     bodies = settings.bodies
-    answer = surface.on_surface.predict(
-        loads,
-        e_star=bodies.e_star,
-        hardness=bodies.hardness,
-        level=settings.interval_level,
+    rows = surface.on_surface.rows(loads, bodies)
+    answer = surface.on_surface.surrogate.predict_rows(
+        rows, e_star=bodies.e_star, level=settings.interval_level
     )
     for name, predictions in answer.values.items():
         is_finite = np.isfinite(predictions)

@@ -1,13 +1,14 @@
-"""The bodies of a law that a surrogate predicts: E*, hardness, and the layer of the training."""
+"""The bodies of a law that a surrogate predicts: E*, hardness and layer."""
 
 from collections.abc import Mapping
 
+import bem
 from gen.law import Order
-from gen.law.surfaces import LawSurfaces, layered_body_of
-from gen.material import Bodies, LayeredBody
-from gen.runtime.errors import InputError
+from gen.law.surfaces import LawSurfaces
+from gen.material import Bodies
+from gen.quantities import OF_LAYERS
 from gen.scene import Scene
-from learn.surrogate.model import Surrogate
+from learn.surrogate.model import Surrogate, under_a_rigid_body
 
 
 def bodies_of_surfaces(
@@ -16,7 +17,7 @@ def bodies_of_surfaces(
     """Return the bodies of a law of surfaces.
 
     E* is that of the order, or else of the training. The hardness is that of the order, or else of
-    the scenes, or else of the training. A layer is that of the training.
+    the scenes, or else of the training. So is the layer, which has E*.
 
     Parameters
     ----------
@@ -35,23 +36,24 @@ def bodies_of_surfaces(
     Raises
     ------
     InputError
-        If the surrogate cannot predict these bodies, or a scene has another layer than the
-        training.
+        If the surrogate cannot predict these bodies, or the scenes draw or differ in their layers.
     """
-    layered = _layered_body(surrogate)
-    _require_layer_of_training(layered, law_surfaces)
-    if layered is not None and order.e_star not in {None, layered.e_star}:
-        raise InputError(
-            f"E* = {order.e_star:g} MPa: the surrogate holds for its own layer of {layered.text}:"
-            " leave out --young, --poisson and --e-star"
-        )
+    layered = order.layered
+    if layered is None and order.e_star is None:
+        layered = law_surfaces.layered_body()
+    e_star = order.e_star
+    modulus = order.e_star or surrogate.modulus
+    body: bem.Layered | None = None
+    if layered is not None:
+        e_star = None  # the layer has it
+        modulus = layered.e_star
+        body = under_a_rigid_body(layered)
     hardness = order.hardness
     if hardness is None:
         ratio = law_surfaces.hardness_ratio()
         if ratio is not None:
-            hardness = ratio * (order.e_star or surrogate.modulus)
-    bodies = surrogate.bodies(order.e_star, hardness)
-    return bodies._replace(layered=layered)
+            hardness = ratio * modulus
+    return surrogate.bodies(e_star, hardness, body)
 
 
 def bodies_of_parameters(surrogate: Surrogate, numbers: Mapping[str, float]) -> Bodies:
@@ -63,31 +65,35 @@ def bodies_of_parameters(surrogate: Surrogate, numbers: Mapping[str, float]) -> 
         A surrogate of a scene's own features.
     numbers : mapping of str to float
         Parameters of the scene. They have the hardness as "hardness" [MPa] or "hardness_ratio"
-        (over E*) if it is a feature. Otherwise it is the smallest hardness of the training,
-        usually its only one.
+        (over E*), and the thickness [um] and the modulus [MPa] of a layer, if these are features.
+        Otherwise the hardness is the smallest one of the training, usually its only one, and the
+        layer that of the scene.
 
     Returns
     -------
     Bodies
-        The bodies [MPa], whose E* is that of the scene.
-
-    Raises
-    ------
-    InputError
-        If layers were drawn for the training.
+        The bodies [MPa], whose E* is that of the scene or of the layer.
     """
+    scene = Scene.from_text(str(surrogate.card["scene"]))
+    of_layer = {name: numbers[name] for name in OF_LAYERS if name in numbers}
+    layered = scene.contact.layered_body(of_layer)
+    e_star = surrogate.modulus
+    if layered is not None:
+        e_star = layered.e_star
     return Bodies(
-        e_star=surrogate.modulus,
-        hardness=_hardness(surrogate, numbers),
+        e_star=e_star,
+        hardness=_hardness(surrogate, numbers, e_star),
         has_modulus=True,  # The scene fixes E*.
-        layered=_layered_body(surrogate),
+        layered=layered,
     )
 
 
-def _hardness(surrogate: Surrogate, numbers: Mapping[str, float]) -> float | None:
+def _hardness(
+    surrogate: Surrogate, numbers: Mapping[str, float], e_star: float
+) -> float | None:
     """Return the hardness of a scene's contacts [MPa]; None for elastic bodies.
 
-    `numbers` are those of `bodies_of_parameters`.
+    `numbers` are those of `bodies_of_parameters`, and `e_star` is E* of the bodies [MPa].
     """
     if "hardness" in numbers:
         return numbers["hardness"]
@@ -95,34 +101,4 @@ def _hardness(surrogate: Surrogate, numbers: Mapping[str, float]) -> float | Non
     if limits is None:
         return None
     ratio = numbers.get("hardness_ratio", limits[0])
-    return ratio * surrogate.modulus
-
-
-def _layered_body(surrogate: Surrogate) -> LayeredBody | None:
-    """Return the layered body of the training; None for half-spaces.
-
-    Raises InputError if layers were drawn for the training.
-    """
-    if "layer" not in surrogate.card:
-        return None
-    scene = Scene.from_text(str(surrogate.card["scene"]))
-    return layered_body_of(scene, str(surrogate.card["title"]))
-
-
-def _require_layer_of_training(
-    trained: LayeredBody | None, law_surfaces: LawSurfaces
-) -> None:
-    """Refuse scenes with another layer than that of the training, which is None for half-spaces."""
-    for about in law_surfaces.inputs:
-        if about.scene is None:
-            continue
-        layered = layered_body_of(about.scene, about.description)
-        if layered is None or layered == trained:
-            continue
-        bodies_of_training = "half-spaces"
-        if trained is not None:
-            bodies_of_training = f"a layer of {trained.text}"
-        raise InputError(
-            f"{about.description}: has a layer of {layered.text}, and the surrogate holds for"
-            f" {bodies_of_training}"
-        )
+    return ratio * e_star

@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # so that help() shows the short names of types
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -10,13 +10,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import bem
 from bem.checks import LARGEST, Range, real_array, real_number
 from bem.problem import Boundary, checked, node_spacing
 from gen.arrays import Values
-from gen.material import Bodies
+from gen.material import Bodies, LayeredBody
 from gen.quantities import Powers
 from gen.runtime.errors import InputError, input_errors
 from learn.features import FeatureSet, SurfaceFeatures
+from learn.features.layers import Layers
 from learn.features.rows import Rows
 from learn.features.scene import checked_numbers
 from learn.surrogate.interval import Distance
@@ -195,6 +197,7 @@ class Surrogate:
         *,
         e_star: float | None = None,
         hardness: ArrayLike | None = None,
+        body: bem.Layered | None = None,
         level: float | None = 0.9,
         mean: bool = False,
         **numbers: ArrayLike,
@@ -222,6 +225,9 @@ class Surrogate:
             an array for a surrogate of a scene's own features. Left out for a surface: elastic
             bodies if the training includes some; otherwise the hardness over E* of the training,
             which must then have only one.
+        body : bem.Layered, optional
+            Body with a layer, for a surrogate of surfaces on layers, in place of `e_star`. Left
+            out: the body of the training, which must then have only one.
         level : float or None
             Coverage of the intervals, between 0 and 1; None for no intervals. A level above
             `largest_level` is not lowered: the ends of its intervals are infinite, or the bounds of
@@ -243,13 +249,14 @@ class Surrogate:
         ------
         InputError
             If heights, lengths, loads, `e_star`, `hardness`, `level` or parameters are impossible;
-            if a surface, hardness, parameter or load is missing, unknown, or for the other kind of
-            surrogate only; if a statistic of the surface is undefined, a feature is too large, or a
-            coarse solve fails; or if the model has no intervals of the mean.
+            if a surface, hardness, layer, parameter or load is missing, unknown, or for another
+            kind of surrogate only; if a statistic of the surface is undefined, a feature is too
+            large, or a coarse solve fails; or if the model has no intervals of the mean.
         """
         if self.features.of_scene:
             # The scene fixes E*, and its parameters replace the surface.
-            if surface is not None or side is not None or e_star is not None:
+            material = (e_star, body)
+            if surface is not None or side is not None or material != (None, None):
                 names = ", ".join(self.features.names)
                 raise InputError(
                     f"the surrogate asks for {names}, not for a surface or E*"
@@ -277,7 +284,7 @@ class Surrogate:
             with input_errors():
                 checked_hardness = real_number("hardness", hardness, HARDNESS)
         return on_surface.predict(
-            loads, e_star=e_star, hardness=checked_hardness, level=level
+            loads, e_star=e_star, hardness=checked_hardness, body=body, level=level
         )
 
     @property
@@ -288,8 +295,13 @@ class Surrogate:
         """
         return min(learnt.calibration.largest_level for learnt in self.learnt.values())
 
-    def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
-        """Check E* and hardness of a prediction, and complete them by those of the training.
+    def bodies(
+        self,
+        e_star: float | None,
+        hardness: float | None,
+        body: bem.Layered | None = None,
+    ) -> Bodies:
+        """Check the material of a prediction, and complete it by that of the training.
 
         Parameters
         ----------
@@ -298,21 +310,28 @@ class Surrogate:
         hardness : float or None
             Hardness of the softer body [MPa]. None: elastic bodies if the training includes some;
             otherwise the hardness over E* of the training, which must then have only one.
+        body : bem.Layered or None
+            Body with a layer. None: half-spaces, or the body of a training with one layer.
 
         Returns
         -------
         Bodies
-            E* and hardness; no hardness for elastic bodies. `has_modulus` is True if `e_star` is
-            given.
+            E* and hardness; no hardness for elastic bodies. E* is that of the layer, if there is
+            one. `has_modulus` is True if `e_star` or a layer is given.
 
         Raises
         ------
         InputError
             If a number is not above 0; if a hardness is given, but all bodies of the training are
-            elastic; or if none is given, but the training has several and no elastic bodies.
+            elastic; or if none is given, but the training has several and no elastic bodies. Also
+            if a layer is given for a training on half-spaces or is of another kind, or if it is
+            missing for a training with several layers.
         """
+        layer = self._checked_layer(body, e_star)
         limits = self.hardness_limits
         modulus = self.modulus
+        if layer is not None:
+            modulus = layer.e_star
         with input_errors():
             if e_star is not None:
                 modulus = real_number("e_star", e_star, MODULUS)
@@ -331,7 +350,45 @@ class Surrogate:
                     f" {hardness_range_text(limits)} E*"
                 )
             hardness = limits[0] * modulus
-        return Bodies(e_star=modulus, hardness=hardness, has_modulus=e_star is not None)
+        layered: LayeredBody | None = None
+        if layer is not None:
+            layered = LayeredBody.of(layer)
+        return Bodies(
+            e_star=modulus,
+            hardness=hardness,
+            has_modulus=e_star is not None or body is not None,
+            layered=layered,
+        )
+
+    def _checked_layer(
+        self, body: bem.Layered | None, e_star: float | None
+    ) -> bem.Layered | None:
+        """Return the body with the layer of a prediction; None for half-spaces.
+
+        If `body` is None, it is that of the training, which must then have only one. Raises
+        InputError if the body is not of the training's kind, or `e_star` is given beside layers.
+        """
+        layers = self.training.layers
+        if layers is None:
+            if body is not None:
+                raise InputError(
+                    "the surrogate was trained on half-spaces: leave out the layer, or fit one to"
+                    " a database whose scene has [contact.layer]"
+                )
+            return None
+        if body is None:
+            if layers.only is None or e_star is not None:
+                raise InputError(
+                    "give --layer-thickness and --layer-young (in Python: body): the surrogate was"
+                    f" trained on layers of {layers.text}"
+                )
+            return layers.only
+        if e_star is not None:
+            raise InputError("E* is that of the layer: leave out --e-star")
+        layers.require_kind(body)
+        if not self.features.scaled:
+            layers.require_only(body)
+        return body
 
     def of_numbers(self, numbers: Mapping[str, ArrayLike]) -> Rows:
         """Turn parameters and loads of a scene into rows for `predict_rows`.
@@ -426,6 +483,7 @@ class Surrogate:
         length: Values | float,
         hardness_ratio: float | None = None,
         nodes: Values | None = None,
+        body: bem.Layered | None = None,
     ) -> Rows:
         """Turn rows of statistics into rows for `predict_rows`.
 
@@ -441,7 +499,9 @@ class Surrogate:
             Hardness over E*; None for elastic bodies.
         nodes : ndarray, shape (n,), optional
             Number of nodes along a side, the geometric mean of both axes. Needed only if it is
-            among the features.
+            among the features, or the training has layers.
+        body : bem.Layered, optional
+            Body with a layer, one for all rows, for a surrogate that was trained on layers.
 
         Returns
         -------
@@ -451,8 +511,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If a statistic is NaN, or an array has masked elements or entries that are no real
-            numbers.
+            If a statistic is NaN, an array has masked elements or entries that are no real
+            numbers, or a layer is missing, or not of the training's kind.
         """
         with input_errors():
             statistics = real_array("statistics", statistics)
@@ -460,12 +520,14 @@ class Surrogate:
             length = real_array("lengths", length)
         if np.isnan(statistics).any():
             raise InputError("statistics must be finite: some are NaN")
+        layer = self._checked_layer(body, e_star=None)
         return Rows(
             statistics=statistics,
             delta=delta,
             length=length,
             hardness_ratio=hardness_ratio,
             nodes=nodes,
+            layers=None if layer is None else Layers.of_bodies([layer]),
         )
 
     def predict_rows(
@@ -483,7 +545,8 @@ class Surrogate:
         rows : Rows
             n rows from `of_statistics`, `of_numbers` or `OnSurface.rows`.
         e_star : float, optional
-            E* of forces and pressures; that of the training by default [MPa].
+            E* of forces and pressures; that of the training by default [MPa]. Rows of layers have
+            their own E*, which replaces it.
         level : float or None
             Coverage of the intervals, between 0 and 1; None for no intervals. See `predict`.
         mean : bool
@@ -568,6 +631,8 @@ class Surrogate:
         training.
         """
         scale = self.features.scale(powers, rows, self.modulus)
+        if rows.layers is not None:
+            return scale
         if e_star is None or powers is None or not powers.modulus:
             return scale
         # `scale` is for the E* of the training. For features with units it is 1 at this E*.
@@ -640,6 +705,32 @@ class _Answer:
         return np.asarray(np.clip(end * self.scale, *self.learnt.bounds))
 
 
+def under_a_rigid_body(layered: LayeredBody) -> bem.Layered:
+    """Return a layered body for a prediction, and refuse a second elastic body.
+
+    Parameters
+    ----------
+    layered : LayeredBody
+        The layered body, and what is pressed on it.
+
+    Returns
+    -------
+    bem.Layered
+        The layered body.
+
+    Raises
+    ------
+    InputError
+        If the other body is elastic, too: scenes have a rigid one.
+    """
+    if layered.other is not None:
+        raise InputError(
+            "--young was given twice: the surrogate was trained on a rigid body that is pressed on"
+            " a layer; give that of what is below the layer"
+        )
+    return layered.alone
+
+
 def _checked_sides(side: float | tuple[float, float]) -> tuple[float, float]:
     """Return the lengths of a patch along x and y [um]; a single number is the length of both.
 
@@ -695,6 +786,7 @@ class OnSurface:
         delta: ArrayLike,
         bodies: Bodies | None = None,
         hardness: Values | None = None,
+        layered: Sequence[bem.Layered] = (),
     ) -> Rows:
         """Make the rows of the surface at one or more loads.
 
@@ -708,6 +800,8 @@ class OnSurface:
             bodies with the E* of the training if `hardness` is given.
         hardness : ndarray, shape (n,), optional
             Hardness at each load, in place of the bodies' one [MPa].
+        layered : sequence of bem.Layered
+            Body with a layer at each load, in place of the bodies' one.
 
         Returns
         -------
@@ -720,7 +814,8 @@ class OnSurface:
             If a load is not finite and above 0, any of the 22 statistics is undefined, or a coarse
             solve fails. If `bodies` is left out, also in two cases: `hardness` is given, and all
             bodies of the training are elastic; or `hardness` is left out, and all bodies of the
-            training yield, with several ratios of hardness to E*.
+            training yield, with several ratios of hardness to E*. For layers see
+            `Surrogate.bodies`.
         """
         features = self.surrogate.features
         if bodies is None:
@@ -729,13 +824,21 @@ class OnSurface:
             any_hardness = None
             if hardness is not None:
                 any_hardness = float(hardness[0])
-            bodies = self.surrogate.bodies(e_star=None, hardness=any_hardness)
-        ratio: Values | float | None = bodies.hardness_ratio
+            any_layer = layered[0] if layered else None
+            bodies = self.surrogate.bodies(None, any_hardness, any_layer)
+        if bodies.layered is not None and not layered:
+            layered = [bodies.layered.alone]
+        e_star: Values | float = bodies.e_star
+        if layered:
+            e_star = np.array([body.e_star for body in layered])
+        ratio: Values | float | None = None
         if hardness is not None:
-            ratio = hardness / bodies.e_star
+            ratio = hardness / e_star
+        elif bodies.hardness is not None:
+            ratio = bodies.hardness / e_star
         with input_errors(self.surface.name):
             loads = real_array(features.load, delta).reshape(-1)
-        return self.surface.rows(features, loads, ratio, bodies.e_star)
+        return self.surface.rows(features, loads, ratio, bodies.e_star, layered)
 
     def predict(
         self,
@@ -743,6 +846,7 @@ class OnSurface:
         *,
         e_star: float | None = None,
         hardness: float | None = None,
+        body: bem.Layered | None = None,
         level: float | None = 0.9,
     ) -> Prediction:
         """Predict contacts at one or more loads.
@@ -757,6 +861,8 @@ class OnSurface:
         hardness : float, optional
             Hardness of the softer body [MPa]. Left out: elastic bodies if the training includes
             some; otherwise the hardness over E* of the training, which must then have only one.
+        body : bem.Layered, optional
+            Body with a layer, see `Surrogate.predict`.
         level : float or None
             Coverage of the intervals, between 0 and 1; None for no intervals. See
             `Surrogate.predict`.
@@ -770,8 +876,9 @@ class OnSurface:
         ------
         InputError
             If a load, `e_star`, `hardness` or `level` is impossible; if the hardness is left out,
-            but the training has several and no elastic bodies; if any of the 22 statistics is
-            undefined, a feature is too large, or a coarse solve fails.
+            but the training has several and no elastic bodies; if the layer is missing, or not of
+            the training's kind; if any of the 22 statistics is undefined, a feature is too large,
+            or a coarse solve fails.
         """
-        rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
+        rows = self.rows(delta, self.surrogate.bodies(e_star, hardness, body))
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level)

@@ -81,7 +81,7 @@ def scale_ranges(rows: Dataset, train: Indices) -> dict[str, list[float]]:
     """
     scenes = [origin.scene for origin in rows.origins]
     lengths = [float(np.sqrt(np.prod(scene.grid.sides))) for scene in scenes]
-    moduli = [scene.contact.e_star for scene in scenes]
+    moduli = [e_star for scene in scenes for e_star in scene.contact.e_star_limits]
     # The first column of `described` is Delta, the other ones are the statistics.
     rms_heights = rows.described[train, 1 + RMS_HEIGHT]
     return {
@@ -144,8 +144,10 @@ def _scale_of(
     the side. `e_star` is the E* of the prediction [MPa]; None for the E* of the training.
     """
     number = len(rows.delta)
-    modulus = training.modulus
-    if e_star is not None:
+    modulus: Values | float = training.modulus
+    if rows.layers is not None:
+        modulus = rows.layers.e_star
+    elif e_star is not None:
         modulus = e_star
     scale = {MODULUS: np.full(number, modulus)}
     if training.features.scaled:

@@ -16,7 +16,8 @@ import numpy as np
 
 from bem.problem import Boundary, node_spacing
 from gen.arrays import Values
-from learn.features.columns import NODES
+from learn.features.columns import BASE_RATIO, NODES
+from learn.features.layers import SAME, TrainedLayers
 from learn.features.rows import Rows
 from learn.features.scene import SCENE, plain
 from learn.features.sets import SETS, FeatureSet
@@ -41,6 +42,7 @@ class Training:
     boundary: Boundary  # boundary of the patches
     # smallest and largest hardness over E* of the bodies that yield; None if all are elastic
     hardness_limits: tuple[float, float] | None = None
+    layers: TrainedLayers | None = None  # layers of the bodies; None for half-spaces
 
     @classmethod
     def of(
@@ -66,6 +68,9 @@ class Training:
         limits = card.get("hardness_ratio")
         if limits is not None:
             limits = (float(limits[0]), float(limits[1]))
+        layers: TrainedLayers | None = None
+        if "layers" in card:
+            layers = TrainedLayers.of_card(card["layers"])
         return cls(
             card=card,
             features=_features_of(card),
@@ -75,6 +80,7 @@ class Training:
             modulus=float(card["modulus"]),
             boundary=card.get("boundary", "free"),
             hardness_limits=limits,
+            layers=layers,
         )
 
     def reasons(self, rows: Rows, inputs: Values) -> list[str]:
@@ -91,7 +97,7 @@ class Training:
         -------
         list of str
             One text for each row, of notes with "; " between them: first `rows.notes`, then the
-            notes on grid, hardness, distance and features. "" for a row inside the training.
+            notes on grid, hardness, layer, distance and features. "" for a row inside the training.
         """
         number = len(inputs)
         # Many rows share a grid, so that each grid is compared once.
@@ -103,6 +109,7 @@ class Training:
             _one_for_each_row(rows.notes, number),
             _one_for_each_row(grid_notes, number),
             self._hardness_notes(rows, number),
+            self._layer_notes(rows, number),
             self._distance_notes(inputs),
             self._range_notes(inputs),
         ]
@@ -126,6 +133,25 @@ class Training:
         inside &= ratios <= high * (1 + SAME_HARDNESS)
         for row in np.flatnonzero(~inside):
             notes[row] = f"hardness/E* {ratios[row]:.4g} outside {low:.4g} to {high:.4g}"
+        return notes
+
+    def _layer_notes(self, rows: Rows, number: int) -> list[str]:
+        """Return a note for each row whose layer has a ratio of moduli outside the training's.
+
+        `number` is the number of rows. If the ratio is a feature, its range decides instead.
+        """
+        notes = [""] * number
+        is_feature = BASE_RATIO in self.features.columns
+        if rows.layers is None or self.layers is None or is_feature:
+            return notes
+        if self.layers.base_ratio is None:  # a rigid base has no modulus
+            return notes
+        low, high = self.layers.base_ratio
+        ratios = np.broadcast_to(rows.layers.base_ratio, number)
+        inside = ratios >= low * (1 - SAME)
+        inside &= ratios <= high * (1 + SAME)
+        for row in np.flatnonzero(~inside):
+            notes[row] = f"base's E*/E* {ratios[row]:.4g} outside {low:.4g} to {high:.4g}"
         return notes
 
     def _distance_notes(self, inputs: Values) -> list[str]:

@@ -12,7 +12,7 @@ from gen.scene import Scene
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.columns import BLOCK_COUNTS, COARSE, HYBRID, LOCAL, SKEWNESS
-from learn.features.surface import Blocks
+from learn.features.surface import Blocks, CoarseMaterial
 
 
 def surface(seed, nodes=33):
@@ -167,7 +167,9 @@ def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_r
     assert found.shape == (3, len(wanted.columns))
     assert np.isfinite(found).all()
     turned = SurfaceFeatures(z.T.copy(), (130.0, 50.0), steps[::-1], boundary=boundary)
-    a, b = (s.hybrid(10.0, hardness_ratio, blocks) for s in (rough, turned))
+    a, b = (
+        s.hybrid(10.0, CoarseMaterial(hardness_ratio), blocks) for s in (rough, turned)
+    )
     np.testing.assert_allclose(a, b, rtol=1e-6)
 
 

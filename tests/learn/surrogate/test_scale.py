@@ -7,8 +7,6 @@ import h5py
 import numpy as np
 import pytest
 import user_functions
-from databases import database_of
-from learnt_rows import surrogate_of
 
 import bem
 from gen import cli
@@ -222,26 +220,6 @@ modulus = 200.0
 thickness = {thickness}
 modulus = 3.0
 """
-
-
-def test_a_surrogate_of_a_layer_holds_for_this_layer_alone(tmp_path, capsys):
-    path = database_of(tmp_path, LAYERED.format(thickness=4.0))
-    made = Surrogate.load(surrogate_of(path, "--load", "pressure"))
-    assert (
-        "area: has no known powers of heights, lengths and E*" in capsys.readouterr().err
-    )
-    assert made.card["layer"].startswith("4 um of 3 MPa (Poisson's ratio 0) on 200 MPa")
-    np.save(tmp_path / "map.npy", np.random.default_rng(0).normal(size=(24, 24)))
-    line = ["law", str(tmp_path / "rows.surrogate"), str(tmp_path / "map.npy")]
-    assert learn_cli.main([*line, "--side", "48", "--pressure", "0:0.1:3"]) == 2
-    assert "laws are those of half-spaces" in capsys.readouterr().err
-
-
-def test_layers_that_are_drawn_are_not_learnt(tmp_path, capsys):
-    path = database_of(tmp_path, LAYERED.format(thickness="[2.0, 8.0]"))
-    line = ["fit", str(path), "-o", str(tmp_path / "x.surrogate"), "--load", "pressure"]
-    assert learn_cli.main(line) == 2
-    assert "draws its layers, which no feature describes" in capsys.readouterr().err
 
 
 def test_laws_of_scenes_with_a_layer_are_refused(tmp_path, capsys):
