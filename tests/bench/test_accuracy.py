@@ -140,6 +140,24 @@ def test_promises_are_kept_or_not_by_their_bounds():
     assert promises.promises([], [], []) == []
 
 
+def test_each_other_solver_is_judged_by_what_was_measured_of_it():
+    ratios = [
+        {
+            "within_percent": within,
+            "way": way,
+            "measured_surfaces": 2,
+            "measured_times_ours": measured,
+            "extrapolated_surfaces": 0,
+            "extrapolated_times_ours": None,
+        }
+        for way, within, measured in (("A", 1.0, 29.0), ("B", 1.0, 31.0), ("B", 3.0, 1.0))
+    ]
+    of_a, of_b = promises.promises([], ratios, [])
+    assert "time of A, measured" in of_a["promise"]
+    assert (of_a["measured"], of_a["number"], of_a["kept"]) == (29.0, 2, "no")
+    assert of_b["kept"] == "yes"
+
+
 def test_a_larger_grid_is_extrapolated_by_the_spacing_and_a_power_of_the_nodes():
     solved = [
         Solved(nodes, seconds=1e-6 * nodes**2.5, error=1.6 / nodes, tolerance=1e-3)
