@@ -269,22 +269,19 @@ def _ends_in(ends: Values, waves: WaveRange) -> Values:
 
 def _mean_spectrum(spectra: Sequence[RadialSpectrum]) -> RadialSpectrum:
     """Average spectra in common bins; each counts with the number of its waves in the bin."""
-    edges = np.unique(np.concatenate([spectrum.edges for spectrum in spectra]), axis=0)
-    waves = np.stack([_in_bins(edges, of, of.waves) for of in spectra])
-    logarithms = [_in_bins(edges, of, np.log(of.wavenumbers)) for of in spectra]
+    edges = np.unique(np.concatenate([scan.edges for scan in spectra]), axis=0)
+    waves = np.stack([_in_bins(edges, scan, scan.waves) for scan in spectra])
+    logarithms = [_in_bins(edges, scan, np.log(scan.wavenumbers)) for scan in spectra]
+    densities = [_in_bins(edges, scan, scan.density) for scan in spectra]
+    along_x = [_in_bins(edges, scan, scan.along_x) for scan in spectra]
+    along_y = [_in_bins(edges, scan, scan.along_y) for scan in spectra]
     return RadialSpectrum(
         wavenumbers=np.exp(_weighted_mean(np.stack(logarithms), waves)),
         edges=edges,
-        density=_weighted_mean(
-            np.stack([_in_bins(edges, of, of.density) for of in spectra]), waves
-        ),
+        density=_weighted_mean(np.stack(densities), waves),
         waves=waves.sum(axis=0),
-        along_x=_weighted_mean(
-            np.stack([_in_bins(edges, of, of.along_x) for of in spectra]), waves
-        ),
-        along_y=_weighted_mean(
-            np.stack([_in_bins(edges, of, of.along_y) for of in spectra]), waves
-        ),
+        along_x=_weighted_mean(np.stack(along_x), waves),
+        along_y=_weighted_mean(np.stack(along_y), waves),
     )
 
 
