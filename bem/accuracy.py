@@ -30,6 +30,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from bem.answers import ANSWERS, Answer
+from bem.bodies import Body
 from bem.budget import Budget, ErrorParts, Trial
 from bem.checks import Range, real_number, shown
 from bem.coarsening import Coarsening, CoarserMap
@@ -336,9 +337,12 @@ def _refuse_settings(settings: Mapping[str, Any]) -> None:
     for name in ("rtol", "near"):
         if name in settings:
             raise ValueError(f"{name} is given: with an error it follows from the error")
-    if settings.get("kernel", "uniform-pressure") != "uniform-pressure":
+    kernel = settings.get("kernel", "uniform-pressure")
+    if isinstance(settings.get("body"), Body):
+        kernel = settings["body"].kernel
+    if kernel != "uniform-pressure":
         raise ValueError(
-            f"kernel = {shown(settings['kernel'])}: with an error use 'uniform-pressure', because"
+            f"kernel = {shown(kernel)}: with an error use 'uniform-pressure', because"
             " the other one belongs to its grid"
         )
     if settings.get("far_field", "rigid") != "rigid":

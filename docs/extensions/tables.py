@@ -475,7 +475,7 @@ TABLES = {
     ),
     "searched": PageTable(
         (
-            "learnt from 1,000 rows",
+            "learnt from 300 rows",
             "candidates judged",
             "winner",
             "nMAE [%]",

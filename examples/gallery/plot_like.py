@@ -8,7 +8,7 @@ and their areas over the pressure with those of the map.
 """
 
 # %%
-# The map is made here: ground along y, worn, and measured with a tilt, spikes and holes. A file of
+# The map is made here: ground along x, worn, and measured with a tilt, spikes and holes. A file of
 # your own takes its place.
 
 import tempfile

@@ -30,8 +30,8 @@ STEEPER = 3.0
 DEVIATIONS = 4.0
 # Largest share of all squares that are imperfections [1]. If there are more, they are the texture.
 MOST_SQUARES = 0.05
-# Largest number of heights of all imperfections of a map. They are written to a file.
 MOST_HEIGHTS = 100_000
+"""Largest number of heights of all imperfections of a population: its file holds them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,9 @@ class SeparatedMap:
     imperfections: tuple[Heights, ...]
 
 
-def separate_imperfections(heights: Heights, spacing: Sides) -> SeparatedMap:
+def separate_imperfections(
+    heights: Heights, spacing: Sides, most_heights: int = MOST_HEIGHTS
+) -> SeparatedMap:
     """Separate the imperfections of a map from its texture.
 
     Parameters
@@ -53,6 +55,9 @@ def separate_imperfections(heights: Heights, spacing: Sides) -> SeparatedMap:
         Heights of the map [um].
     spacing : tuple of float
         Distance of the nodes along x and y [um].
+    most_heights : int
+        Largest number of heights of all imperfections together. If there are more, nothing is
+        separated.
 
     Returns
     -------
@@ -69,7 +74,7 @@ def separate_imperfections(heights: Heights, spacing: Sides) -> SeparatedMap:
     labels, _ = label(is_imperfect, np.ones((3, 3)))
     boxes = find_objects(labels)
     sizes = [labels[box].size for box in boxes]
-    if sum(sizes) > MOST_HEIGHTS:
+    if sum(sizes) > most_heights:
         return unchanged
     texture = filled_harmonically(np.where(is_imperfect, np.nan, heights), spacing)
     above = heights - texture

@@ -45,7 +45,11 @@ from gen.draft.bands import (
     smoothed,
     with_means,
 )
-from gen.draft.imperfections import SeparatedMap, separate_imperfections
+from gen.draft.imperfections import (
+    MOST_HEIGHTS,
+    SeparatedMap,
+    separate_imperfections,
+)
 from gen.draft.joined import join_in_bands
 from gen.draft.likeness import rounded
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
@@ -313,14 +317,16 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
         leaks=False,
     ).with_variance(curve.variance)
     finest = joined.finest.topography
-    steps = [
-        f"{Path(of.topography.name).name}: {'; '.join(of.topography.steps)}"
-        for of in maps
-    ]
+    finest_maps = [fitted_map for fitted_map in maps if fitted_map.topography is finest]
+    preparations = []
+    for fitted_map in maps:
+        topography = fitted_map.topography
+        steps = "; ".join(topography.steps)
+        preparations.append(f"{Path(topography.name).name}: {steps}")
     return _population(
         maps=maps,
-        preparation=" | ".join(steps),
-        shortest=_shortest_wave([of for of in maps if of.topography is finest]),
+        preparation=" | ".join(preparations),
+        shortest=_shortest_wave(finest_maps),
         wanted=wanted,
         curve=curve,
         rms_height=spectrum.rms_height,
@@ -357,9 +363,14 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     spacing = maps[0].topography.spacing
     rms_heights = [float(heights.std()) for heights in heights_of_maps]
     rms_height = float(np.median(rms_heights))
+    most_heights = MOST_HEIGHTS // len(maps)
+    separated = [
+        separate_imperfections(heights, spacing, most_heights)
+        for heights in heights_of_maps
+    ]
     scaled = [
-        _scaled(separate_imperfections(heights, spacing), rms_height_of_map)
-        for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
+        _scaled(separated_map, rms_height_of_map)
+        for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
     ]
     textures = [scaled_map.texture for scaled_map in scaled]
     shape = max((texture.shape for texture in textures), key=math.prod)

@@ -16,7 +16,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -280,21 +280,19 @@ def _ends_in(ends: Values, waves: WaveRange) -> Values:
 
 def _mean_spectrum(spectra: Sequence[RadialSpectrum]) -> RadialSpectrum:
     """Return the mean of spectra in each bin, weighted with their numbers of waves in the bin."""
-    edges = np.unique(np.concatenate([spectrum.edges for spectrum in spectra]), axis=0)
-    waves = np.stack([_in_bins(edges, spectrum, spectrum.waves) for spectrum in spectra])
-
-    def mean(quantity: Callable[[RadialSpectrum], Values]) -> Values:
-        """Return the weighted mean of a quantity of the spectra in each bin."""
-        tables = [_in_bins(edges, spectrum, quantity(spectrum)) for spectrum in spectra]
-        return _weighted_mean(np.stack(tables), waves)
-
+    edges = np.unique(np.concatenate([scan.edges for scan in spectra]), axis=0)
+    waves = np.stack([_in_bins(edges, scan, scan.waves) for scan in spectra])
+    logarithms = [_in_bins(edges, scan, np.log(scan.wavenumbers)) for scan in spectra]
+    densities = [_in_bins(edges, scan, scan.density) for scan in spectra]
+    along_x = [_in_bins(edges, scan, scan.along_x) for scan in spectra]
+    along_y = [_in_bins(edges, scan, scan.along_y) for scan in spectra]
     return RadialSpectrum(
-        wavenumbers=np.exp(mean(lambda spectrum: np.log(spectrum.wavenumbers))),
+        wavenumbers=np.exp(_weighted_mean(np.stack(logarithms), waves)),
         edges=edges,
-        density=mean(lambda spectrum: spectrum.density),
+        density=_weighted_mean(np.stack(densities), waves),
         waves=waves.sum(axis=0),
-        along_x=mean(lambda spectrum: spectrum.along_x),
-        along_y=mean(lambda spectrum: spectrum.along_y),
+        along_x=_weighted_mean(np.stack(along_x), waves),
+        along_y=_weighted_mean(np.stack(along_y), waves),
     )
 
 

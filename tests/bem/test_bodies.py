@@ -2,12 +2,14 @@
 
 import math
 import pickle
+import sys
 from dataclasses import dataclass, replace
 
 import mpmath
 import numpy as np
 import pytest
 import scipy.special
+from scipy.integrate import solve_ivp
 
 import bem
 from bem import HalfSpace, Layered
@@ -370,6 +372,46 @@ class Graded(bem.Body):
         return normal * q / (2 * stiff)
 
 
+def by_integration(wave_number, body):
+    """Integrate plane strain of a graded body upwards from a depth where nothing moves.
+
+    The state is the displacements along x and z and the stresses xz and zz, of which the first and
+    the third go with sin(q x), the others with cos(q x).
+    """
+    poisson, modulus = body.surface.poisson, body.surface.modulus
+    shear_ratio = 1 / (2 * (1 + poisson))
+    lame_ratio = poisson / ((1 + poisson) * (1 - 2 * poisson))
+
+    def rates(z, state):
+        along, down, shear_stress, normal_stress = state
+        young = modulus * math.exp(z / body.depth)
+        shear, lame = shear_ratio * young, lame_ratio * young
+        stretch = (normal_stress - lame * wave_number * along) / (lame + 2 * shear)
+        lengthwise = lame * stretch + (lame + 2 * shear) * wave_number * along
+        return (
+            shear_stress / shear + wave_number * down,
+            stretch,
+            wave_number * lengthwise,
+            -wave_number * shear_stress,
+        )
+
+    deep = 12 / wave_number
+    ends = [
+        solve_ivp(rates, (deep, 0), start, rtol=1e-10, atol=1e-30).y[:, -1]
+        for start in ((0, 0, 1, 0), (0, 0, 0, 1))
+    ]
+    matrix = np.transpose(ends)
+    parts = np.linalg.solve(matrix[2:], [0, -1])  # no shear stress, a pressure of 1 MPa
+    return float(matrix[1] @ parts)
+
+
+@pytest.mark.parametrize("wave_number", [0.2, 1.0, 5.0])
+def test_the_compliance_of_a_graded_body_is_that_of_elasticity(wave_number):
+    body = Graded(HalfSpace(2.0, 0.3), 3.0)
+    compliance = float(body.compliance(np.array([wave_number]))[0])
+    assert compliance == pytest.approx(by_integration(wave_number, body), rel=1e-6)
+
+
 def test_a_graded_body_is_one_record():
     surface = HalfSpace(2.0, 0.3)
     nearly = Graded(surface, 1e4).relative_compliance(np.array([[0.5, 2.0]]))
@@ -382,6 +424,54 @@ def test_a_graded_body_is_one_record():
     )
     patch = Patch(heights, (12.0, 12.0), "mirror", compliance=body.compliance)
     np.testing.assert_allclose(contact.pressure, patch.press(0.2 * 144), atol=1e-6)
+
+
+@dataclass(frozen=True)
+class TwiceAsCompliant(bem.Body):
+    """A body that every wave displaces twice as far as a half-space."""
+
+    e_star = 2.0
+
+    def relative_compliance(self, wave_numbers):
+        return np.full_like(wave_numbers, 2.0)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize("load", [*LOADS, {"pressure": 20.0}])
+def test_nothing_but_the_body_knows_its_compliance(boundary, load):
+    """A compliance that stands anywhere else would be that of a half-space."""
+    contact = solve(TwiceAsCompliant(), boundary, rtol=1e-10, **load)
+    expected = solve(HalfSpace(1.0), boundary, rtol=1e-10, **load)
+    largest = expected.largest_pressure
+    np.testing.assert_allclose(contact.pressure, expected.pressure, atol=1e-6 * largest)
+    np.testing.assert_allclose(contact.gap, expected.gap, atol=1e-7)
+    np.testing.assert_allclose(contact.displacement, expected.displacement, atol=1e-7)
+    assert contact.delta == pytest.approx(expected.delta, rel=1e-7)
+    if math.isfinite(expected.stiffness):
+        assert contact.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+def test_a_layer_passes_one_module_more_than_a_half_space_at_most(boundary):
+    heights = rough(27, 5)  # of a size for which no other test has filled caches
+    modules = []
+    for body in (BASE, Layered(3.0, 3.0, 0.3, BASE)):
+        names = set()
+
+        def count(frame, event, _, names=names):
+            module = frame.f_globals.get("__name__", "")
+            if event == "call" and module.startswith("bem."):
+                names.add(module)
+
+        sys.setprofile(count)
+        try:
+            solve(body, boundary, heights, pressure=0.1)
+        finally:
+            sys.setprofile(None)
+        modules.append(names)
+    half_space, layer = modules
+    assert len(layer - half_space) <= 1
+    assert "bem.bodies" in layer
 
 
 @pytest.mark.parametrize("thickness", [3.0, 0.3])
@@ -487,3 +577,26 @@ def test_a_ladder_on_a_layer_gives_what_single_solves_give(loads, boundary):
         assert contact.delta == pytest.approx(alone.delta, rel=1e-7)
         again = pickle.loads(pickle.dumps(contact.problem))
         assert again.body == contact.problem.body
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
+def test_a_layer_on_a_rigid_base_is_that_of_contact_mechanics(poisson):
+    """The other solver is installed by the extra `peers`."""
+    package = pytest.importorskip("ContactMechanics")
+    topography = pytest.importorskip("SurfaceTopography").Topography
+    sides, thickness = (32.0, 32.0), 3.0
+    substrate = package.PeriodicFFTElasticHalfSpace(
+        (32, 32), 2.0, sides, thickness=thickness, poisson=poisson
+    )
+    surface = topography(HEIGHTS, physical_sizes=sides, periodic=True)
+    system = package.Systems.NonSmoothContactSystem(substrate, surface)
+    body = Layered(thickness, 2.0, poisson, "rigid")
+    contact = solve(body, delta=1.5, rtol=1e-12)
+    result = system.minimize_proxy(
+        offset=1.5 - HEIGHTS.max(), pentol=1e-12, forcetol=np.inf, maxiter=1000
+    )
+    assert result.success
+    np.testing.assert_allclose(
+        result.jac, contact.pressure, atol=1e-6 * contact.largest_pressure
+    )
+    assert result.jac.sum() == pytest.approx(contact.force, rel=1e-6)

@@ -44,6 +44,13 @@ def test_pits_are_imperfections():
     assert np.abs(separated.texture - heights).max() < 3.0
 
 
+def test_more_heights_than_a_file_holds_are_not_separated():
+    heights = with_pits(made())
+    separated = separate_imperfections(heights, (1.0, 1.0), 2 * SQUARE**2 - 1)
+    assert separated.imperfections == ()
+    assert separated.texture is heights
+
+
 def test_a_few_squares_tell_no_usual_slope():
     heights = made(nodes=7 * SQUARE)
     heights[20:26, 20:26] -= 6.0

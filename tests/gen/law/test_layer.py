@@ -13,6 +13,7 @@ from gen import cli
 from gen.law import Order, by_means
 from gen.maps.settings import Reading
 from gen.material import Bodies, ElasticBody, Layer
+from tests.bem.waves import random_waves
 from tests.maps import waves
 
 THICKNESS = 5.0
@@ -333,3 +334,28 @@ def test_layers_that_coarser_grids_do_not_resolve_have_no_error(here, capsys):
     Path("waves.toml").write_text(OF_WAVES.format(thickness="20.0"))
     assert cli.main(["law", "waves.toml", "--pressure", "0.01", "--error", "9%"]) == 2
     assert "a cell is no smaller than the layer" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("layer_in", ["mesh", "law"])
+def test_a_law_on_a_layer_has_the_errors_that_were_asked_for(here, make, layer_in):
+    """The band of the closure is as wide as the error of Delta, which has the compression."""
+    np.save("fine.npy", 1000 * random_waves(1, 6, 0.8, 1)(96))
+    on = bodies(thickness=40.0, base=None)
+    settings = {
+        "pressure": "0.02,0.1",
+        "e_star": on.e_star,
+        "layered": on.layered,
+        "layer_in": layer_in,
+        "stiffness": True,
+        "reading": Reading(side="1000"),
+        "boundary": "periodic",
+        "grid_error": True,
+    }
+    full = make("fine.npy", **settings).over_pressure
+    law = make("fine.npy", errors={"area": 0.05, "delta": 0.02}, **settings)
+    within = law.over_pressure
+    assert (within.fewest_nodes(96**2)[1:] < 96**2).all()  # all but first touch
+    for name in ("continuum_area_percent", "closure_um"):
+        curve = within.curves[name]
+        assert (full.curves[name].value >= curve.low).all()
+        assert (full.curves[name].value <= curve.high).all()
