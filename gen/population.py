@@ -183,6 +183,13 @@ class Population:
         """Heights of each imperfection above the texture [um], each of shape (nx, ny)."""
         return tuple(np.array(imperfection) for imperfection in self.imperfections)
 
+    def __hash__(self) -> int:
+        """Return a hash of the maps and the curve: one of all numbers would take long.
+
+        A cache looks a population up by its hash for each surface.
+        """
+        return hash((self.maps, self.scores, self.heights))
+
     def number_on(self, period: tuple[int, int]) -> float:
         """Return the mean number of copies of each imperfection on a period.
 
@@ -215,14 +222,15 @@ class Population:
         _, heights = tabulated_curve(self.scores, self.heights)
         # The table has equal steps, so that its entries need no search.
         steps_of_a_score = (TABULATED - 1) / (2 * FURTHEST_SCORE)
-        positions = (scores + FURTHEST_SCORE) * steps_of_a_score
+        positions = scores + FURTHEST_SCORE
+        positions *= steps_of_a_score
         np.clip(positions, 0.0, BEFORE_LAST_ENTRY, out=positions)
-        below = positions.astype(np.int32)
+        # `take` is fastest with indices of the size of a pointer that it does not check.
+        below = positions.astype(np.intp)
         positions -= below  # share of the step above the entry
-        heights_below = heights.take(below)
-        rises = np.diff(heights).take(below)
+        rises = np.diff(heights).take(below, mode="clip")
         rises *= positions
-        rises += heights_below
+        rises += heights.take(below, mode="clip")
         return np.asarray(rises)
 
 
