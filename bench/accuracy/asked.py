@@ -66,6 +66,9 @@ AREA = "area"
 ENOUGH_IN_WAVE = 8.0
 """Fewest nodes in the shortest wave with which most contacts should be answered."""
 
+ALL_KINDS = (*KINDS, MEASURED, *LATER_KINDS)
+"""Names of all kinds of surfaces. The place of a name is a number of the seeds of its samples."""
+
 LoadName = Literal["pressure", "force", "delta"]
 """Name of the quantity that is given."""
 
@@ -152,16 +155,16 @@ def asked_and_got(
     InputError
         If there is no such kind. The kind of measured maps needs maps.
     """
-    known = [*KINDS, MEASURED, *LATER_KINDS] if maps else [*KINDS, *LATER_KINDS]
+    possible_kinds = [kind for kind in ALL_KINDS if maps or kind != MEASURED]
     for kind in kinds:
-        if kind not in known:
-            raise InputError(f"--kinds {kind}: give some of {', '.join(known)}")
-    wanted = kinds or known
-    tasks = [(kind, seed) for kind in wanted for seed in range(contacts)]
+        if kind not in possible_kinds:
+            raise InputError(f"--kinds {kind}: give some of {', '.join(possible_kinds)}")
+    drawn_kinds = kinds or possible_kinds
+    tasks = [(kind, seed) for kind in drawn_kinds for seed in range(contacts)]
     judge = partial(_rows_of_contact, maps)
     rows_by_contact = _mapped(judge, tasks, processes)
     rows: list[Row] = []
-    for kind in wanted:
+    for kind in drawn_kinds:
         of_kind = list(chain.from_iterable(islice(rows_by_contact, contacts)))
         remark(f"{kind}: {len({row['seed'] for row in of_kind})} contacts")
         rows += of_kind
@@ -187,8 +190,7 @@ def _rows_of_contact(maps: Sequence[MeasuredMap], task: tuple[str, int]) -> list
     There are no rows if the drawn load has no solution or brings nothing into contact.
     """
     kind, seed = task
-    names = [*KINDS, MEASURED, *LATER_KINDS]
-    random = np.random.default_rng((SEED, names.index(kind), seed))
+    random = np.random.default_rng((SEED, ALL_KINDS.index(kind), seed))
     if kind == MEASURED:
         sample = window_of_map(maps, random)
     else:
@@ -269,8 +271,8 @@ def _pressed(
 def _rms_of_full_contact(sample: Sample, heights: Heights) -> float:
     """Return the rms of the pressure that flattens a surface [MPa].
 
-    `heights` are those of the sample's map. On a half-space it is E* times half of the rms slope;
-    on a layer each wave has its own stiffness, and mirror images continue the map.
+    `heights` are those of the sample's map. On a half-space the result is E* times half of the rms
+    slope. On a layer each wave has its own stiffness; the map is continued by its mirror images.
     """
     if sample.body is None:
         along, across = (float(np.diff(heights, axis=axis).std()) for axis in (0, 1))

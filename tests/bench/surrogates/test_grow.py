@@ -22,8 +22,8 @@ def report(tmp_path_factory):
     """A growth of a small scene and one of windows of the made maps, to large errors."""
     windows = study.POPULATIONS[1].scene.replace("nodes = 64", "nodes = 16")
     populations = (
-        Population(name="small", scene=SMALL, mark=40.0, seeds=5),
-        Population(name="maps", scene=windows, mark=60.0, seeds=5),
+        Population(name="small", scene=SMALL, mark=40.0, first_seed=5),
+        Population(name="maps", scene=windows, mark=60.0, first_seed=5),
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "POPULATIONS", populations)
