@@ -73,11 +73,8 @@ def columns_of_layer(body: "bem.Body") -> dict[str, float | str]:
         The numbers by columns of `LAYER_COLUMNS`, those of the base only if it is elastic; empty
         for half-spaces.
     """
-    from bem.bodies import (
-        HalfSpace,
-        Layered,
-        Pair,
-    )  # here, so that --help does not wait for it
+    # here, so that --help does not wait for it
+    from bem.bodies import HalfSpace, Layered, Pair
 
     if isinstance(body, Pair):
         body = body.first
@@ -537,7 +534,7 @@ class LayeredBody(NamedTuple):
 
     @classmethod
     def of(cls, body: "bem.Layered") -> Self:
-        """Return a layered body that a rigid one is pressed on.
+        """Return the bodies of a contact in which a rigid body is pressed on a layered one.
 
         Parameters
         ----------
@@ -547,7 +544,7 @@ class LayeredBody(NamedTuple):
         Returns
         -------
         LayeredBody
-            The same body.
+            The layered body, without another elastic one.
         """
         layer = Layer(
             thickness=body.thickness,
@@ -583,7 +580,7 @@ class LayeredBody(NamedTuple):
     def layer_compliance(self) -> float:
         """Compression of the layer alone by a uniform pressure of 1 MPa [um / MPa].
 
-        The base does not matter: the layer is under uniaxial strain on any base. It is 0 for an
+        It is the same on any base, because the layer is under uniaxial strain. It is 0 for an
         incompressible layer.
         """
         on_rigid = LayeredBody(layer=self.layer, base=None, other=None)
@@ -604,7 +601,7 @@ class LayeredBody(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The layer, its base and the other body in words, as "5 um of 3 MPa (...) on ..."."""
+        """The layer, its base and an elastic other body, as "5 um of 3 MPa (...) on ..."."""
         base = "a rigid base"
         if self.base is not None:
             base = self.base.text

@@ -59,8 +59,8 @@ def test_paths_that_a_page_names_are_there(page):
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
     samples = [scene.samples for scene in shown]
-    assert samples == [2000, 2000, 2000, 3000, 3000, 300, 200]
-    assert [shown[3].surface.generator, shown[4].surface.generator] == ["scans", "like"]
+    assert samples == [2000, 1000, 2000, 2000, 3000, 3000, 300, 200]
+    assert [shown[4].surface.generator, shown[5].surface.generator] == ["scans", "like"]
 
 
 @pytest.mark.usefixtures("here")
@@ -133,7 +133,7 @@ def test_the_scan_has_the_law_that_is_stated(here, capsys):
     section = PAGES[SCAN]
     (rough,) = codes("python", SCAN)
     exec(rough, {})
-    contact, law = re.findall(r"python -m gen (.*)", section.replace("\\\n", ""))
+    contact, law = re.findall(r"asperity gen (.*)", section.replace("\\\n", ""))
     assert cli.main(shlex.split(contact.replace("1:200:12:log", "100"))) == 0
     said = capsys.readouterr().out
     assert "despiked: 20 nodes" in said
@@ -202,7 +202,7 @@ def test_a_model_of_ones_own_repeats_a_score_of_a_comparison(here):
 def test_a_database_is_published_and_read_as_shown(here, capsys):
     pytest.importorskip("mlcroissant")
     database_of(here, "samples = 9\n[surface]\nnodes = 9\n", "quick")
-    (export,) = re.findall(r"python -m gen (export .*\\\n.*)", PAGES[PUBLISH])
+    (export,) = re.findall(r"asperity gen (export .*\\\n.*)", PAGES[PUBLISH])
     assert cli.main(shlex.split(export.replace("\\\n", ""))) == 0
     capsys.readouterr()
     shown: dict = {}

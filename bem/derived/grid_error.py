@@ -270,13 +270,14 @@ class GridError:
     def _area_by_outer_nodes(self) -> float:
         """Share of the area by which the border moves if the outer nodes change the approach.
 
-        They change it in proportion to their share. The border moves by this change over the gap
-        beside it, in nodes.
+        They change it in proportion to their share, less the settlement of a body below. The border
+        moves by this change over the gap beside it, in nodes.
         """
         if self.border.gap == 0:
             return 0.0
-        moved_by = self.border.outer * self.contact.approach / self.border.gap
-        return self.border.share * moved_by
+        contact = self.contact
+        change = self.border.outer * contact.approach / contact.problem.settlement_ratio
+        return self.border.share * change / self.border.gap
 
     @computed_once
     def _opened(self) -> Opened:

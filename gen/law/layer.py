@@ -1,10 +1,10 @@
 """The uniform compression of a layer: left to the mesh, or part of the closure of a law.
 
-A uniform pressure p compresses a layer by p h (1 + nu) (1 - 2 nu) / ((1 - nu) E), on any base. A
-finite-element model whose mesh contains the layer computes this compression by itself. So the
-closure of a law is without it, as it is without the deformation of all bodies. A thin coating is
-often left out of the mesh. Then the compression has to come from the law: the closure is larger by
-the compression, and the interface is in series with the layer.
+A uniform pressure p compresses a layer of thickness h by p h (1 + nu) (1 - 2 nu) / ((1 - nu) E), on
+any base. A finite-element model whose mesh contains the layer computes this compression itself. The
+closure of its law therefore excludes the compression, as it excludes the deformation of all bodies.
+A thin coating is often left out of the mesh. Then its law has to include the compression: the
+closure is larger by the compression, because the interface is in series with the layer.
 """
 
 from collections.abc import Mapping
@@ -23,9 +23,10 @@ from gen.runtime.errors import InputError
 
 
 def compliance_in_law(order: Order, bodies: Bodies) -> float:
-    """Return the compliance of the layer that the closure of a law contains.
+    """Return the compliance of the layer if the closure of a law includes its compression.
 
-    Where it is above 0, the closure rises in full contact, too, so that a table goes on there.
+    With a compliance above 0 the closure rises in full contact, too, so that tables of the law
+    continue there.
 
     Parameters
     ----------
@@ -58,8 +59,9 @@ def with_compression(points: Points, compliance: float) -> Points:
     Returns
     -------
     Points
-        The points with larger closures and, if they have stiffnesses, with smaller ones. Ends of
-        intervals are changed alike, by the compression at the same end of the pressure.
+        The points with larger closures and, if they have stiffnesses, smaller stiffnesses. The low
+        ends of intervals are changed by the compression at the low end of the pressure, and the
+        high ends by that at its high end.
     """
     if compliance == 0:
         return points
@@ -92,7 +94,8 @@ def in_series(
     Returns
     -------
     dict of str to ndarray, shape (k,)
-        All quantities; closure and stiffness are those of interface and layer together.
+        All quantities, changed only in closure and stiffness, which are those of interface and
+        layer together.
     """
     changed = dict(curves)
     if CLOSURE.in_laws in curves:
@@ -111,9 +114,10 @@ def resolves_layer(
     sides: tuple[float, float],
     boundary: Boundary,
 ) -> bool:
-    """Return whether the cells of a grid are smaller than the layer of bodies.
+    """Return whether the cells of a grid are smaller than the layer.
 
-    Then the material of the layer decides the contact along its border, as errors of the grid need.
+    If they are, the material of the layer alone decides the pressure at the border of contact. The
+    error of the grid is known only then.
 
     Parameters
     ----------
@@ -129,7 +133,7 @@ def resolves_layer(
     Returns
     -------
     bool
-        True if they are; also for half-spaces.
+        True if the cells are smaller than the layer, and for half-spaces.
     """
     if bodies.layered is None:
         return True
@@ -153,27 +157,28 @@ def layer_in_words(order: Order, bodies: Bodies) -> list[str]:
     Returns
     -------
     list of str
-        One line for a mesh, or none for half-spaces.
+        One line about the compression; empty for half-spaces.
     """
     if bodies.layered is None:
         return []
     compliance = bodies.layered.layer_compliance
-    line = (
-        f"the closure is without the layer's uniform compression, {compliance:.4g} um/MPa: mesh the"
-        " layer, or have it in the closure by --layer-in law"
-    )
+    if compliance == 0:
+        return ["the layer is incompressible: a uniform pressure does not compress it"]
     if order.layer_in == "law":
         line = (
             f"the closure has the layer's uniform compression, {compliance:.4g} um/MPa: leave the"
             " layer out of the mesh, which would count it twice"
         )
-    if compliance == 0:
-        line = "the layer is incompressible: a uniform pressure does not compress it"
+    else:
+        line = (
+            f"the closure is without the layer's uniform compression, {compliance:.4g} um/MPa: mesh"
+            " the layer, or have it in the closure by --layer-in law"
+        )
     return [line]
 
 
 def check_layer(order: Order, bodies: Bodies) -> None:
-    """Refuse what a law on a layer does not have, and a place for a layer that is not there.
+    """Refuse conductances and shear of bodies with a layer, and `--layer-in law` without a layer.
 
     Parameters
     ----------
@@ -185,8 +190,8 @@ def check_layer(order: Order, bodies: Bodies) -> None:
     Raises
     ------
     InputError
-        If the bodies have a layer and the order asks for conductances or shear; or if they have
-        none and the order has a layer in the law.
+        If the bodies have a layer and the order asks for conductances or shear. Also if the bodies
+        have no layer and the order includes one in the law.
     """
     if bodies.layered is None:
         if order.layer_in == "law":

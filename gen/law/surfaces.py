@@ -59,7 +59,8 @@ class LawSurface(Topography):
         Raises
         ------
         ValueError
-            If a layer does not go with the settings of the surface, or is too thin for its cells.
+            If bodies with a layer cannot have the far field of the surface, or if the layer is too
+            thin for the cells of a free patch.
         """
         return pose(
             self.heights,
@@ -219,21 +220,21 @@ class LawSurfaces:
         Raises
         ------
         InputError
-            If a scene has a layer, and another input has none or another one; or if a scene draws
-            its layers.
+            If a scene has a layer, and another input has no layer or a different one; or if a scene
+            draws its layers.
         """
-        shared: set[LayeredBody | None] = set()
+        distinct: set[LayeredBody | None] = set()
         for about in self.inputs:
             layered: LayeredBody | None = None
             if about.scene is not None:
                 layered = layered_body_of(about.scene, about.description)
-            shared.add(layered)
-        if len(shared) > 1:
+            distinct.add(layered)
+        if len(distinct) > 1:
             raise InputError(
                 "a scene has a layer that not all inputs have: give the bodies of the law with"
                 " --layer-thickness, --layer-young and --young, or --layer-base rigid"
             )
-        [layered] = shared
+        [layered] = distinct
         return layered
 
     def hardness_ratio(self) -> float | None:

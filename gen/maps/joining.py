@@ -1,9 +1,9 @@
 """Join the power spectra of scans of one surface at different magnifications.
 
-Each scan knows the waves between a longest one, a share of its side, and a shortest one, a few
-nodes or what its instrument resolves. Where several scans know a wave, their densities are averaged
-with the weight of the number of their waves [1]_. Scans of one surface agree there within chance;
-scans that do not are named.
+A scan knows the waves of a range: the longest one is a share of its side, the shortest one spans a
+few nodes, or is the shortest one that the instrument resolves. Where several scans know a wave, the
+joined density is the mean of their densities, weighted with their numbers of waves [1]_. Scans of
+one surface agree there within chance. `join` warns of scans that disagree.
 
 References
 ----------
@@ -38,17 +38,19 @@ from gen.runtime.errors import InputError
 # Periods of the longest wave that a scan knows on its shorter side. Levelling takes power out of
 # longer waves.
 FEWEST_PERIODS = 3.0
-# Nodes in the shortest wave that a scan knows. Shorter waves get power from waves that are too
-# short for the nodes: at 4 nodes 4 to 20 % for Hurst exponents of 0.8 to 0.3, at 3 nodes twice so.
+# Nodes in the shortest wave that a scan knows. Waves that are too short for the nodes add their
+# power to longer ones. On a self-affine surface without a shortest wave this is 5 % at 4 nodes and
+# 18 % at 3 nodes for a Hurst exponent of 0.8, and 40 % and 85 % for an exponent of 0.3
+# (`pytest tests/gen/maps/test_joining.py -k short_waves`).
 FEWEST_NODES = 4.0
 BIN_RATIO = 1.2  # ratio of the largest to the smallest wavenumber of a bin
-# A tip leaves its own shape on summits whose curvature is above this share of the tip's [2].
+# A tip rounds the summits of which the curvature is above this share of the tip's curvature [2].
 TIP_CURVATURE = 0.5
-# Scans disagree if the densities of their common waves differ by more than this factor, and by more
-# than this number of standard deviations.
+# Two scans disagree if the mean ratio of their densities at common waves is above the factor
+# `DISAGREEING`, and its logarithm is above `DEVIATIONS` standard deviations.
 DISAGREEING = 1.5
 DEVIATIONS = 3.0
-# share of the waves that are independent: neighbouring waves share power through the window
+# Share of the waves that are independent: the window of a scan mixes neighbouring waves.
 INDEPENDENT = 0.5
 
 
@@ -82,8 +84,8 @@ def wave_range(topography: Topography) -> WaveRange:
     Returns
     -------
     WaveRange
-        The range. It is empty (the shortest wave is the longer one) for scans of too few nodes, or
-        where the instrument resolves nothing of the scan.
+        The range. It is empty (`shortest` is above `longest`) for scans of too few nodes, or if the
+        instrument resolves no wave of the scan.
     """
     sides = np.multiply(topography.heights.shape, topography.spacing)
     shortest = FEWEST_NODES * max(topography.spacing)
@@ -94,16 +96,19 @@ def wave_range(topography: Topography) -> WaveRange:
         limit = "resolution"
     radius = topography.instrument.tip_radius
     if radius is not None:
-        of_tip = shortest_by_tip(topography.heights, topography.spacing[0], radius)
-        if of_tip > shortest:
-            shortest = of_tip
+        unrounded = shortest_by_tip(topography.heights, topography.spacing[0], radius)
+        if unrounded > shortest:
+            shortest = unrounded
             limit = "tip"
     longest = float(sides.min()) / FEWEST_PERIODS
     return WaveRange(shortest=shortest, longest=longest, limit=limit)
 
 
 def shortest_by_tip(heights: Heights, spacing: float, radius: float) -> float:
-    """Return the length of the shortest summits along x that a tip has not rounded.
+    """Return the length of the shortest profiles along x whose summits a tip has not rounded.
+
+    A profile of three equidistant nodes has the curvature of the parabola through them. Longer
+    profiles have flatter summits.
 
     Parameters
     ----------
@@ -117,16 +122,20 @@ def shortest_by_tip(heights: Heights, spacing: float, radius: float) -> float:
     Returns
     -------
     float
-        Length over which the sharpest summit is flatter than `TIP_CURVATURE` times the tip [um]; 0
-        if it is so between neighbouring nodes, infinite if it is so over no length.
+        Smallest length [um] over which the curvature of the sharpest summit is at most
+        `TIP_CURVATURE` times that of the tip. It is 0 if three neighbouring nodes have such
+        curvatures, and infinite if no length has them.
     """
-    reach = 1  # distance of the outer nodes of a summit from its middle [nodes]
+    reach = 1  # distance of the outer nodes of a profile from its middle [nodes]
     while 2 * reach < len(heights):
         middle = heights[reach:-reach]
         curvatures = heights[2 * reach :] - 2 * middle + heights[: -2 * reach]
         sharpest = -float(curvatures.min()) / (reach * spacing) ** 2
         if sharpest <= TIP_CURVATURE / radius:
-            return 2 * reach * spacing if reach > 1 else 0.0
+            if reach == 1:
+                return 0.0
+            return 2 * reach * spacing
+        # Steps of an eighth take few rounds on large maps.
         reach += max(1, reach // 8)
     return math.inf
 
@@ -137,8 +146,8 @@ class ScanSpectrum:
 
     topography: Topography
     range: WaveRange
-    known: RadialSpectrum  # in those common bins that the scan knows
-    whole: RadialSpectrum  # in all common bins that the scan has waves in
+    in_range: RadialSpectrum  # in the common bins within the range
+    in_all_bins: RadialSpectrum  # in all common bins that contain waves of the scan
 
     @property
     def name(self) -> str:
@@ -154,9 +163,8 @@ class JoinedSpectrum:
     spectrum: RadialSpectrum  # the joined spectrum; bins that no scan knows are left out
     # names of the scans that know each bin, in the order of the bins
     contributors: tuple[tuple[str, ...], ...]
-    warnings: tuple[
-        str, ...
-    ]  # a line for each pair of scans that disagree, and for each gap
+    # a line for each pair of scans that disagree, and for each gap
+    warnings: tuple[str, ...]
 
     @property
     def finest(self) -> ScanSpectrum:
@@ -174,7 +182,10 @@ class JoinedSpectrum:
         return math.sqrt(self._integral(power=3))
 
     def _integral(self, power: int) -> float:
-        """Integrate the density times a power of the wavenumber, over 2 pi, over all bins."""
+        """Return the integral of the density times q^power over q in all bins, over 2 pi.
+
+        The powers 1 and 3 give the mean square height [um^2] and the mean square slope [1].
+        """
         spectrum = self.spectrum
         first, last = spectrum.edges.T
         ends = power + 1
@@ -227,15 +238,15 @@ def join(topographies: Sequence[Topography]) -> JoinedSpectrum:
         ScanSpectrum(
             topography=topography,
             range=waves,
-            known=radial_spectrum(topography, _ends_in(ends, waves)),
-            whole=radial_spectrum(topography, ends),
+            in_range=radial_spectrum(topography, _ends_in(ends, waves)),
+            in_all_bins=radial_spectrum(topography, ends),
         )
         for topography, waves in zip(topographies, ranges, strict=True)
     ]
     scans.sort(key=lambda scan: scan.range.smallest)
-    spectrum = _mean_spectrum([scan.known for scan in scans])
+    spectrum = _mean_spectrum([scan.in_range for scan in scans])
     contributors = tuple(
-        tuple(scan.name for scan in scans if first in scan.known.edges[:, 0])
+        tuple(scan.name for scan in scans if first in scan.in_range.edges[:, 0])
         for first in spectrum.edges[:, 0]
     )
     return JoinedSpectrum(
@@ -268,7 +279,7 @@ def _ends_in(ends: Values, waves: WaveRange) -> Values:
 
 
 def _mean_spectrum(spectra: Sequence[RadialSpectrum]) -> RadialSpectrum:
-    """Average spectra in common bins; each counts with the number of its waves in the bin."""
+    """Return the mean of spectra in each bin, weighted with their numbers of waves in the bin."""
     edges = np.unique(np.concatenate([scan.edges for scan in spectra]), axis=0)
     waves = np.stack([_in_bins(edges, scan, scan.waves) for scan in spectra])
     logarithms = [_in_bins(edges, scan, np.log(scan.wavenumbers)) for scan in spectra]
@@ -286,16 +297,17 @@ def _mean_spectrum(spectra: Sequence[RadialSpectrum]) -> RadialSpectrum:
 
 
 def _in_bins(edges: Values, spectrum: RadialSpectrum, values: Values) -> Values:
-    """Return values of a spectrum's bins in all bins: 0 in those that it lacks."""
+    """Return a value for each bin of `edges`: 0 in the bins that the spectrum does not have."""
     table = np.zeros(len(edges))
     table[np.searchsorted(edges[:, 0], spectrum.edges[:, 0])] = values
     return table
 
 
 def _weighted_mean(tables: Values, waves: Values) -> Values:
-    """Return means over scans, which count with their waves; NaN where no scan has a value.
+    """Return means over scans, weighted with their numbers of waves; shape (bins,).
 
-    Both arrays have the shape (scans, bins); NaN among the values are left out.
+    Both arrays have the shape (scans, bins). The mean leaves out values that are NaN. It is NaN in
+    a bin where no scan has a value.
     """
     weights = np.where(np.isnan(tables), 0.0, waves)
     with np.errstate(invalid="ignore"):  # 0 / 0 in bins without values
@@ -308,7 +320,7 @@ def _disagreements(scans: Sequence[ScanSpectrum]) -> list[str]:
     """Return a line for each pair of scans whose densities differ where both know the waves."""
     lines = []
     for coarse, fine in combinations(scans, 2):
-        ratio = _ratio(coarse.known, fine.known)
+        ratio = _disagreeing_ratio(coarse.in_range, fine.in_range)
         if ratio is None:
             continue
         factor = max(ratio, 1 / ratio)
@@ -322,8 +334,11 @@ def _disagreements(scans: Sequence[ScanSpectrum]) -> list[str]:
     return lines
 
 
-def _ratio(coarse: RadialSpectrum, fine: RadialSpectrum) -> float | None:
-    """Return the mean ratio of the densities of two scans if they disagree, otherwise None."""
+def _disagreeing_ratio(coarse: RadialSpectrum, fine: RadialSpectrum) -> float | None:
+    """Return the mean ratio of the densities of two scans if they disagree, otherwise None.
+
+    Scans without a common bin do not disagree.
+    """
     common, places, places_of_fine = np.intersect1d(
         coarse.edges[:, 0], fine.edges[:, 0], return_indices=True
     )
@@ -332,6 +347,7 @@ def _ratio(coarse: RadialSpectrum, fine: RadialSpectrum) -> float | None:
     logarithms = np.log(fine.density[places_of_fine] / coarse.density[places])
     independent = INDEPENDENT * coarse.waves[places]
     independent_of_fine = INDEPENDENT * fine.waves[places_of_fine]
+    # The logarithm of a mean over n independent waves has the variance 1 / n.
     variances = 1 / independent + 1 / independent_of_fine + 2 * MISFIT**2
     weights = 1 / variances
     mean = float(np.average(logarithms, weights=weights))
@@ -342,7 +358,7 @@ def _ratio(coarse: RadialSpectrum, fine: RadialSpectrum) -> float | None:
 
 
 def _gaps(scans: Sequence[ScanSpectrum]) -> list[str]:
-    """Return a line for each range of waves between those of scans that no scan knows."""
+    """Return a line for each gap: waves that no scan knows between the ranges of two scans."""
     lines = []
     shortest = scans[0].range.shortest
     for scan in scans[1:]:

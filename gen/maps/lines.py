@@ -4,9 +4,10 @@ An instrument that traces a surface line by line, as an atomic force microscope 
 height between two lines. Contact then follows single lines in streaks. Lines run along x here, as
 instruments store them: all nodes of a line have the same y.
 
-Median steps between neighbouring lines tell both: their size, and whether they go on. Steps of
-neighbouring pairs of lines are alike where waves of the surface are long, even on ground surfaces
-with grooves along x. They are independent or opposite where an instrument has lost its height.
+The median step from each line to the next one tells a lost height from a surface. Successive steps
+are alike where the waves of a surface span several lines, also on ground surfaces with grooves
+along x. They are independent or opposite where an instrument has lost its height. Steps of a
+surface with waves of two lines are independent, too, but they are small.
 """
 
 from __future__ import annotations
@@ -19,15 +20,16 @@ from gen.arrays import Heights, Values
 from gen.maps.outliers import TO_DEVIATION
 from gen.maps.read import Remedy, Topography
 
-# Smallest share of the mean square difference between neighbouring lines that the median steps of
-# streaky maps have. Made isotropic surfaces of 64 x 64 nodes, with waves down to two nodes, have
-# 0.06; 15 % of the mean square slope across the lines are some 4 % of the area of contact.
+# Smallest share that the median steps of streaky maps have in the mean square difference between
+# neighbouring lines. Isotropic surfaces whose steps are independent, because they have waves of two
+# nodes, have smaller shares (`pytest tests/gen/maps/test_lines.py -k clean`).
 STREAKY = 0.15
-# Largest correlation of successive median steps on streaky maps: 0 for lines that drift, -0.5 for
-# lines that are off independently. Directional made surfaces have 0.35 and more.
+# Largest correlation of successive median steps on streaky maps. It is 0 if lines drift, and -0.5
+# if their heights are independent.
 UNRELATED = 0.2
-FEWEST_LINES = 32  # lines and nodes in a line of a map that is judged
-# Median steps count with at most this many standard deviations for their correlation.
+FEWEST_LINES = 32  # fewest lines, and fewest nodes in a line, of a map that is judged
+# Median steps are clipped at this number of standard deviations before their correlation is
+# computed, so that one step of the surface does not decide it.
 LARGEST_STEP = 5.0
 
 
@@ -57,7 +59,8 @@ def steps_of_lines(heights: Heights) -> Values:
     -------
     ndarray, shape (ny,)
         Median difference of the heights of each line and of the last line before it that has
-        heights [um]; 0 for the first line, and for lines that have no node in common with it.
+        heights [um]. It is 0 for the first line, and where both lines have no place along x at
+        which both have a height.
     """
     measured = ~np.isnan(heights)
     steps = np.zeros(heights.shape[1])
@@ -82,13 +85,14 @@ def judge_lines(heights: Heights) -> LineSteps:
     Returns
     -------
     LineSteps
-        The two numbers. The share is 0 for flat maps, and where most steps are alike.
+        The two numbers. For flat maps, and if more than half of the steps are equal, the share is 0
+        and the correlation 1.
     """
     # The straight line is due to the tilt and the curvature of the map.
     steps = without_straight_line(steps_of_lines(heights)[1:])
     differences = np.diff(heights, axis=1)
     mean_square = float(np.mean((differences - differences.mean()) ** 2))
-    # The median ignores the edges of a few steps of the surface.
+    # The median absolute deviation ignores a few large steps, such as the edge of a terrace.
     deviation = TO_DEVIATION * float(np.median(np.abs(steps - np.median(steps))))
     if deviation == 0.0 or mean_square == 0.0:
         return LineSteps(share=0.0, correlation=1.0)
@@ -128,9 +132,9 @@ def with_line_warning(topography: Topography) -> Topography:
 
 
 def shifts_of_lines(heights: Heights) -> Values:
-    """Compute the heights by which the lines of a map are off each other.
+    """Compute the shift of each line of a map that makes its median step to the line before 0.
 
-    Waves of the surface that run along y alone are part of them.
+    The shifts include waves of the surface that run along y alone.
 
     Parameters
     ----------
@@ -140,7 +144,7 @@ def shifts_of_lines(heights: Heights) -> Values:
     Returns
     -------
     ndarray, shape (ny,)
-        Height of each line, of zero mean [um]. Without them all median steps between lines are 0.
+        Height to subtract from each line; the mean over the lines is 0 [um].
     """
     shifts = np.cumsum(steps_of_lines(heights))
     return np.asarray(shifts - shifts.mean())
@@ -157,7 +161,7 @@ def without_straight_line(values: Values) -> Values:
     Returns
     -------
     ndarray, shape (n,)
-        The rest, in the same unit.
+        The numbers less the line, in the same unit.
     """
     places = np.arange(values.size)
     return np.asarray(values - np.polyval(np.polyfit(places, values, 1), places))

@@ -23,18 +23,16 @@ from gen.maps.settings import SPIKE, Reading
 FORM = 0.9
 # share of all nodes above which nodes that were replaced as spikes are probably part of the surface
 MANY_SPIKES = 0.01
-FEWEST_NODES_A_SIDE = (
-    4  # nodes along the shorter side of a map for which steps are chosen
-)
+# fewest nodes along the shorter side of a map whose spikes and form are looked for
+FEWEST_NODES_A_SIDE = 4
 
-# Nodes beyond a gap are spikes, however many there are, if the distances of the nearest spike and
-# of the furthest other node have at least this ratio.
+# Up to a share `MANY_SPIKES` of the nodes are spikes if they are beyond a gap: the distances of the
+# nearest spike and of the furthest other node have more than this ratio.
 GAP = 2.0
-# largest share of the nodes that may be spikes without such a gap
+# Without this gap, up to this share of the nodes are spikes if the furthest is far away.
 FEW_SPIKES = 1e-3
-# The furthest of such spikes has at least this distance, as a multiple of the distance that a share
-# `FEW_SPIKES` of all nodes exceeds. On made maps without spikes the multiple is at most 2 (sharp
-# ridges).
+# Then the distance of the furthest spike is above this multiple of the distance that a share
+# `FEW_SPIKES` of all nodes exceeds.
 FAR_SPIKE = 2.5
 
 
@@ -42,7 +40,7 @@ FAR_SPIKE = 2.5
 class Spikes:
     """The spikes of a map. Distances are from the local median, in units of the scatter [1]."""
 
-    surface: float  # largest distance of a node that is no spike; at least `SPIKE`
+    surface: float  # largest distance of the nodes that are no spikes; at least `SPIKE`
     nearest: float  # smallest distance of a spike; infinite if there is none
     number: int  # number of spikes
 
@@ -98,9 +96,10 @@ def with_needed_steps(settings: Reading, maps: Sequence[MapNeeds]) -> Reading:
     Returns
     -------
     Reading
-        A copy of the settings. If the user has given none, `despike` is a threshold, or None if no
-        map has spikes; `level` is "quadratic" if a map is curved, otherwise "plane", and stays ""
-        if the user has given a form. `fill` is on if a map has holes.
+        A copy of the settings. If the user has not given `despike`, it is a threshold, or None if
+        no map has spikes. If the user has not given `level`, it is "quadratic" if a map is curved,
+        otherwise "plane"; it stays "" if the user has given a form. `fill` is on if the user has
+        given it, or a map has holes.
     """
     despike = settings.despike
     if despike is None:

@@ -324,11 +324,15 @@ def plot_joined(figure: Any, joined: JoinedSpectrum, picture: Path) -> None:
         waves = scan.range
         label = f"{shortened(scan.name)}: {waves.longest:.3g} to {waves.shortest:.3g} µm"
         axis.loglog(
-            scan.whole.wavenumbers, scan.whole.density, color=colour, lw=0.8, alpha=0.7
+            scan.in_all_bins.wavenumbers,
+            scan.in_all_bins.density,
+            color=colour,
+            lw=0.8,
+            alpha=0.7,
         )
         axis.loglog(
-            scan.known.wavenumbers,
-            scan.known.density,
+            scan.in_range.wavenumbers,
+            scan.in_range.density,
             color=colour,
             lw=2.5,
             label=label.replace("$", r"\$"),

@@ -39,13 +39,14 @@ REPORTED = 0.05
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    Only the steps that the settings name are taken, and with `prepare` those that the map needs
-    after it was cropped and masked. The order is that of metrologists. A map is
-    masked before it is despiked, so that heights out of range are no part of a median. It is
-    despiked before it is levelled, because spikes would bend the fit, and before its holes are
-    filled from their rims. It is filtered afterwards, because a filter needs all nodes and no slope
-    at the borders. It is downsampled last, when the S-filter has removed the short waves that means
-    of nodes would fold into long ones.
+    Only the steps that the settings name are taken. The setting `prepare` adds the steps that the
+    map needs after it was cropped and masked.
+
+    The order is that of metrologists. A map is masked before it is despiked, so that heights out of
+    range are no part of a median. It is despiked before it is levelled, because spikes would bend
+    the fit, and before its holes are filled from their rims. It is filtered afterwards, because a
+    filter needs all nodes and no slope at the borders. It is downsampled last, when the S-filter
+    has removed the short waves that means of nodes would fold into long ones.
 
     Parameters
     ----------
@@ -105,20 +106,20 @@ def _refuse_two_forms(settings: Reading) -> None:
 
 
 def _following(topography: Topography, settings: Reading) -> Topography:
-    """Return the map whose warnings advise none of the steps that the settings take."""
+    """Record the steps that the settings take, so that no later warning advises them."""
     followed = topography.followed | _followed_steps(settings)
     return replace(topography, followed=followed)
 
 
 def needed_steps(topography: Topography, settings: Reading) -> Reading:
-    """Choose the steps that `--prepare` takes for a map: those of `gen scene`.
+    """Choose the steps that `--prepare` takes for a map, as `gen scene` chooses them.
 
     Parameters
     ----------
     topography : Topography
         The map as it was read.
     settings : Reading
-        The settings of the user, whose steps overrule the chosen ones.
+        The settings of the user. Steps in them are kept.
 
     Returns
     -------
@@ -152,8 +153,8 @@ def effect_of_steps(as_measured: Topography, prepared: Topography) -> str:
     Returns
     -------
     str
-        A sentence with rms height and rms slope before and after; "" if neither has changed by
-        more than the share `REPORTED`.
+        A clause with the rms height and the rms slope before and after the steps, or with the one
+        that has changed by more than the share `REPORTED`; "" if neither has.
     """
     height_before = float(np.nanstd(as_measured.heights))
     height = float(prepared.heights.std())
@@ -170,7 +171,7 @@ def effect_of_steps(as_measured: Topography, prepared: Topography) -> str:
 
 
 def is_changed(before: float, after: float) -> bool:
-    """Tell whether the steps of a preparation have changed a number enough to report it.
+    """Return whether a number has changed enough by a preparation to report it.
 
     Parameters
     ----------
@@ -507,15 +508,15 @@ def least_squares(topography: Topography, degree: Literal[1, 2] = 1) -> LeastSqu
 def levelled(topography: Topography, level: str) -> Topography:
     """Subtract the mean of the measured nodes, or a plane or quadratic fitted to them.
 
-    Before the plane, lines along x may be shifted to each other.
+    The level "lines" shifts the lines along x to each other before it subtracts a plane.
 
     Parameters
     ----------
     topography : Topography
         The map.
     level : {"mean", "plane", "quadratic", "lines"}
-        What is subtracted. "lines" shifts each line along x until its median difference from the
-        line before it is 0, and then subtracts a plane.
+        Mean, plane or quadratic surface to subtract; or "lines", to shift each line along x until
+        its median difference from the line before it is 0, and then to subtract a plane.
 
     Returns
     -------
@@ -543,6 +544,7 @@ def _levelled_by_lines(topography: Topography) -> Topography:
     heights = topography.heights - shifts
     plane = least_squares(replace(topography, heights=heights))
     tilt = least_squares(topography).tilt
+    # The straight line in the shifts is a tilt of the map.
     off = _rms(without_straight_line(shifts))
     step = (
         f"levelled by lines along x, which were off by {off:.4g} um (rms), then by a plane (tilt"

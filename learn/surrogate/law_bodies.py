@@ -16,8 +16,9 @@ def bodies_of_surfaces(
 ) -> Bodies:
     """Return the bodies of a law of surfaces.
 
-    E* is that of the order, or else of the training. The hardness is that of the order, or else of
-    the scenes, or else of the training. So is the layer, which has E*.
+    The order gives hardness and layer. If it gives no hardness, the scenes of the surfaces give it;
+    if it gives neither a layer nor E*, they give the layer. The training completes the bodies.
+    With a layer, E* is that of the layer.
 
     Parameters
     ----------
@@ -31,12 +32,13 @@ def bodies_of_surfaces(
     Returns
     -------
     Bodies
-        The bodies [MPa].
+        The bodies, with E* and hardness [MPa].
 
     Raises
     ------
     InputError
-        If the surrogate cannot predict these bodies, or the scenes draw or differ in their layers.
+        If the surrogate cannot predict these bodies. Also if a scene that has to give the layer
+        draws it, or another input has a different one or none.
     """
     layered = order.layered
     if layered is None and order.e_star is None:
@@ -45,7 +47,7 @@ def bodies_of_surfaces(
     modulus = order.e_star or surrogate.modulus
     body: bem.Layered | None = None
     if layered is not None:
-        e_star = None  # the layer has it
+        e_star = None  # `Surrogate.bodies` takes it from the layer
         modulus = layered.e_star
         body = under_a_rigid_body(layered)
     hardness = order.hardness
@@ -64,15 +66,15 @@ def bodies_of_parameters(surrogate: Surrogate, numbers: Mapping[str, float]) -> 
     surrogate : Surrogate
         A surrogate of a scene's own features.
     numbers : mapping of str to float
-        Parameters of the scene. They have the hardness as "hardness" [MPa] or "hardness_ratio"
-        (over E*), and the thickness [um] and the modulus [MPa] of a layer, if these are features.
-        Otherwise the hardness is the smallest one of the training, usually its only one, and the
-        layer that of the scene.
+        Parameters of the scene. Those that are features of the surrogate are among them: the
+        hardness as "hardness" [MPa] or "hardness_ratio" (over E*), and the thickness [um] and the
+        modulus [MPa] of a layer. Without a hardness it is the smallest one of the training, usually
+        its only one. Without numbers of a layer the bodies have the layer of the scene.
 
     Returns
     -------
     Bodies
-        The bodies [MPa], whose E* is that of the scene or of the layer.
+        The bodies, with E* of the scene or of the layer, and hardness [MPa].
     """
     scene = Scene.from_text(str(surrogate.card["scene"]))
     of_layer = {name: numbers[name] for name in OF_LAYERS if name in numbers}

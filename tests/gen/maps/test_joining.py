@@ -144,6 +144,22 @@ def test_the_spectrum_of_profiles_is_that_of_an_independent_library():
     assert np.nanmedian(np.abs(ours - expected)[middle]) < 0.25
 
 
+@pytest.mark.parametrize(
+    ("hurst", "nodes", "share"),
+    [(0.8, 4, 0.05), (0.8, 3, 0.18), (0.3, 4, 0.4), (0.3, 3, 0.85)],
+)
+def test_short_waves_add_this_power_to_the_shortest_waves_of_a_scan(hurst, nodes, share):
+    """The aliases of a wave along x with a number of nodes, on a power law without an end."""
+    number = 200
+    aliases = np.arange(-number, number + 1)
+    along_x = 1 / nodes + aliases[:, None]
+    powers = np.hypot(along_x, aliases[None, :]) ** -(2 + 2 * hurst)
+    # The aliases beyond the square add about the integral beyond the circle in it.
+    beyond = 2 * math.pi * number ** (-2 * hurst) / (2 * hurst)
+    added = (powers.sum() - powers[number, number] + beyond) / powers[number, number]
+    assert added == pytest.approx(share, rel=0.1)
+
+
 def test_a_scan_without_waves_is_refused():
     with pytest.raises(InputError, match="12 x 12 nodes with waves from 4 um"):
         join([scan("coarse"), scan("fine", nodes=12)])

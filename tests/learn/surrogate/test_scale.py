@@ -200,30 +200,3 @@ def test_quantities_of_contacts_need_no_scale_of_their_own(surrogate):
     contact = bem.solve(surface(), SIDE, 12.0, modulus=MODULUS)
     predicted = surrogate.predict(surface(), SIDE, 12.0).values["my_force"][0]
     assert predicted == pytest.approx(contact.force, rel=0.3)
-
-
-LAYERED = """samples = 60
-[surface]
-generator = "spectral"
-nodes = 24
-side = 48.0
-roll_off = [12.0, 24.0]
-cut_off = 6.0
-rms_height = 1.0
-[load]
-quantity = "pressure"
-range = [0.02, 0.2]
-[contact]
-boundary = "periodic"
-modulus = 200.0
-[contact.layer]
-thickness = {thickness}
-modulus = 3.0
-"""
-
-
-def test_laws_of_scenes_with_a_layer_are_refused(tmp_path, capsys):
-    (tmp_path / "s.toml").write_text(LAYERED.format(thickness=4.0))
-    line = ["law", str(tmp_path / "s.toml"), "--pressure", "0:0.1:3"]
-    assert cli.main(line) == 2
-    assert "laws are those of half-spaces" in capsys.readouterr().err
