@@ -292,7 +292,7 @@ def _rows_of_map(pressed: _Pressed) -> list[Row]:
     rows = []
     for answer in pressed.answers:
         value = float(ANSWERS[answer].value(contact))
-        row = _Judged(pressed, asked_for="map", asked=math.nan, answer=answer)
+        row = _Judged(pressed, asked_for="map", asked_error=math.nan, answer=answer)
         if not estimate.verdicts[answer] or value == 0 or not math.isfinite(value):
             rows.append(row.unanswered("not resolved"))
             continue
@@ -304,18 +304,18 @@ def _rows_of_map(pressed: _Pressed) -> list[Row]:
 def _rows_of_errors(pressed: _Pressed) -> list[Row]:
     """Return the rows of all errors that are asked for: of the area alone, and of all answers."""
     rows = []
-    for asked in ERRORS:
-        rows += _rows_of_error(pressed, "area", asked, (AREA,))
-        rows += _rows_of_error(pressed, "all", asked, pressed.answers)
+    for error in ERRORS:
+        rows += _rows_of_error(pressed, "area", error, (AREA,))
+        rows += _rows_of_error(pressed, "all", error, pressed.answers)
     return rows
 
 
 def _rows_of_error(
-    pressed: _Pressed, asked_for: str, asked: float, answers: Sequence[str]
+    pressed: _Pressed, asked_for: str, error: float, answers: Sequence[str]
 ) -> list[Row]:
     """Ask for some answers within an error, and return a row for each of them."""
     judged = [
-        _Judged(pressed, asked_for=asked_for, asked=asked, answer=answer)
+        _Judged(pressed, asked_for=asked_for, asked_error=error, answer=answer)
         for answer in answers
     ]
     heights = pressed.sample.heights(pressed.sample.nodes)
@@ -323,7 +323,7 @@ def _rows_of_error(
         contact = bem.solve_within(
             heights,
             1.0,
-            dict.fromkeys(answers, asked),
+            dict.fromkeys(answers, error),
             threads=1,
             **{pressed.load: pressed.value},
             **pressed.settings,
@@ -345,7 +345,7 @@ class _Judged:
 
     pressed: _Pressed
     asked_for: str  # "area", "all" answers, or "map" for the bar of the map
-    asked: float  # relative error [1]; NaN for the bar of the map
+    asked_error: float  # relative error [1]; NaN for the bar of the map
     answer: str  # name of the answer
 
     def answered(self, value: float, bar: float, grid: int) -> Row:
@@ -376,6 +376,6 @@ class _Judged:
         return {
             **self.pressed.description(),
             "asked_for": self.asked_for,
-            "asked_percent": 100 * self.asked,
+            "asked_percent": 100 * self.asked_error,
             "answer": self.answer,
         }

@@ -149,8 +149,8 @@ def mirrored(surface: Surface) -> Surface:
 
     def heights(x: Values) -> Heights:
         """Return the heights, (n, n), at n places along both axes."""
-        both = surface(np.concatenate([x / 2, -x / 2]))
-        quarters = both.reshape(2, len(x), 2, len(x))
+        all_quarters = surface(np.concatenate([x / 2, -x / 2]))
+        quarters = all_quarters.reshape(2, len(x), 2, len(x))
         return np.asarray(quarters.sum(axis=(0, 2)) / 2)
 
     return heights

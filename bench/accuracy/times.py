@@ -316,18 +316,18 @@ class _Ours:
         self._map = rough.heights(MAP_IN_WAVE)
         self._seconds: dict[float, list[float]] = {}
         self._contacts: dict[float, bem.Contact] = {}
-        for asked in ASKED:
+        for error in ASKED:
             try:
-                self._contacts[asked] = self._contact(asked)  # plans transforms, too
+                self._contacts[error] = self._contact(error)  # plans transforms, too
             except bem.NotReachable as refusal:
-                remark(f"{rough.waves} waves, {100 * asked:g} %: {refusal}")
+                remark(f"{rough.waves} waves, {100 * error:g} %: {refusal}")
 
-    def _contact(self, asked: float) -> bem.Contact:
+    def _contact(self, error: float) -> bem.Contact:
         """Ask for the area within an error."""
         return bem.solve_within(
             self._map,
             1.0,
-            asked,
+            error,
             pressure=PRESSURE,
             boundary="periodic",
             threads=1,
@@ -335,27 +335,27 @@ class _Ours:
 
     def take_turn(self) -> None:
         """Time all errors that can be reached."""
-        for asked in self._contacts:
-            seconds = timed(partial(self._contact, asked))
-            self._seconds.setdefault(asked, []).append(seconds)
+        for error in self._contacts:
+            seconds = timed(partial(self._contact, error))
+            self._seconds.setdefault(error, []).append(seconds)
 
     @property
     def solved(self) -> dict[float, Solved]:
         """The solved grids by the errors that were asked for [1]."""
         return {
-            asked: Solved(
+            asked_error: Solved(
                 nodes=contact.pressure.shape[0],
-                seconds=median(self._seconds[asked]),
+                seconds=median(self._seconds[asked_error]),
                 error=self._rough.error(contact.continuum_area_percent),
             )
-            for asked, contact in self._contacts.items()
+            for asked_error, contact in self._contacts.items()
         }
 
     def rows(self) -> list[Row]:
         """Return a row for each error that was asked for, and one of `bem.solve`."""
         rows = [
-            _row(self._rough, OURS, "grid", solved, within=asked, ours=self)
-            for asked, solved in self.solved.items()
+            _row(self._rough, OURS, "grid", solved, within=error, ours=self)
+            for error, solved in self.solved.items()
         ]
         area_by_default = partial(_area_by_default, self._map)
         default = Solved(

@@ -98,7 +98,7 @@ class Grown:
                 "at_most": self.last.bound(target),
                 "fresh_nmae": truth.nmae,
                 "fresh_error": truth.standard_error,
-                "fresh_surfaces": truth.groups,
+                "fresh_surfaces": truth.groups,  # of windows of maps, their tiles
             }
 
 
