@@ -971,7 +971,7 @@ class SurrogateFunction(Function):
 
 def _inputs_of_numbers(surrogate: "Surrogate") -> Inputs:
     """Return the inputs of a surrogate of a scene's own numbers."""
-    from learn.features.scene import HARDNESSES, OF_LAYER
+    from learn.features.scene import HARDNESSES, LAYER_NUMBERS
 
     *drawn, load = surrogate.features.names  # the load is the last one
     parameters: list[str] = []
@@ -980,7 +980,7 @@ def _inputs_of_numbers(surrogate: "Surrogate") -> Inputs:
     for name in drawn:
         if name in HARDNESSES:  # A scene gives one of them, or none.
             hardness = name
-        elif name in OF_LAYER:
+        elif name in LAYER_NUMBERS:
             layer.append(name)
         else:
             parameters.append(name)

@@ -36,12 +36,7 @@ from bem.checks import Range, real_number, shown
 from bem.coarsening import Coarsening, CoarserMap
 from bem.contact import Contact
 from bem.derived.coarser import coarser
-from bem.derived.grid_error import (
-    FEWEST,
-    LEAST_ORDER,
-    GridError,
-    part_of_border,
-)
+from bem.derived.grid_error import FEWEST, LEAST_ORDER, GridError, part_of_border
 from bem.problem import (
     RTOL,
     NoSolution,
@@ -290,8 +285,10 @@ class Surface:
             As the function `solve_within` raises them.
         """
         errors = checked_errors(error)
-        tolerance = tolerance_for(errors) / self._unloaded.settlement_ratio
-        tolerance = max(tolerance, min(RTOL, tolerance_for(errors)))
+        tolerance_by_errors = tolerance_for(errors)
+        tolerance = tolerance_by_errors / self._unloaded.settlement_ratio
+        # The settlement alone asks for no tolerance below the default one.
+        tolerance = max(tolerance, min(RTOL, tolerance_by_errors))
         unloaded = replace(self._unloaded, rtol=checked("rtol", tolerance))
         problem = under_load(unloaded, delta, force=force, pressure=pressure)
         with on_threads(None if threads is None else checked("threads", threads)):
@@ -361,18 +358,18 @@ class _Search:
         The problem on the given map, with a datum.
     coarsening : Coarsening
         The map on fewer nodes.
-    asked : dict of str to float
+    asked_errors : dict of str to float
         Largest relative errors, by the names of the answers [1].
     """
 
     def __init__(
-        self, problem: Problem, coarsening: Coarsening, asked: dict[str, float]
+        self, problem: Problem, coarsening: Coarsening, asked_errors: dict[str, float]
     ) -> None:
         self.map_problem = problem
         self.coarsening = coarsening
-        self.asked_errors = asked
+        self.asked_errors = asked_errors
         self.trials: list[Trial] = []
-        # Error ratio of the last trial, or the one that half of its nodes let expect.
+        # Error ratio of the last trial, or the expected one if its own grid was not solved.
         self.last_ratio = math.inf
         # The contact of the trial with the smallest error ratio.
         self.best_contact: Contact | None = None
@@ -423,14 +420,15 @@ class _Search:
         """Return whether a grid may meet the errors, judging by the last trial or the map alone."""
         map_nodes = self.map_problem.heights.shape
         is_map = nodes == map_nodes
-        least = min(self.asked_errors.values())
+        smallest_error = min(self.asked_errors.values())
         if not self.trials:
-            if is_map or self._expected_bar(nodes) <= least:
+            if is_map or self._expected_bar(nodes) <= smallest_error:
                 return True
             # Even the map is expected to miss the errors. A grid of half of its nodes a side costs
             # less, and tells whether the map is hopeless.
             is_half = FURTHEST * max(nodes) >= max(map_nodes)
-            return is_half and HOPELESS * least < self._expected_bar(map_nodes) < math.inf
+            bar_of_map = self._expected_bar(map_nodes)
+            return is_half and HOPELESS * smallest_error < bar_of_map < math.inf
         last_nodes = self.trials[-1].nodes
         is_far = max(nodes) >= FURTHEST * max(last_nodes)
         if self.last_ratio == math.inf:
@@ -529,8 +527,8 @@ class _Search:
             convolutions=0.0,
             work=0.0,
         )
-        # An earlier trial on half of the nodes a side, if there is one, is the coarser contact, and
-        # is counted there.
+        # If an earlier trial was on half of the nodes a side, its contact is the coarser one. That
+        # trial has the convolutions of this contact.
         coarse = self.contact_by_nodes.get(((rows + 1) // 2, (columns + 1) // 2))
         if coarse is None:
             coarse = _on_half_of_the_nodes(problem)
@@ -539,7 +537,8 @@ class _Search:
                 trial = self._with_convolutions(trial, coarse.convolutions * share)
         expected_ratio = self._expected_ratio(coarse)
         is_map = problem.heights.shape == self.map_problem.heights.shape
-        # Where even the map may be hopeless, this contact tells the best bar.
+        # Leave out the solve if the border alone makes the error too large. But above `HOPELESS`
+        # even the map may miss the errors; this contact is then solved for the bar of the message.
         if 1 < expected_ratio <= HOPELESS and not is_map:
             reason = (
                 "half of the nodes tell that the border alone makes the error too large"
@@ -555,10 +554,14 @@ class _Search:
         trial = self._with_convolutions(trial, contact.convolutions)
         bars = contact.grid_error(coarse)
         errors = {
-            name: error_parts(contact, bars, name, asked_error=asked, dropped=dropped)
-            for name, asked in self.asked_errors.items()
+            name: error_parts(
+                contact, bars, name, asked_error=asked_error, dropped=dropped
+            )
+            for name, asked_error in self.asked_errors.items()
         }
-        smallest_ratio = min((one.error_ratio for one in self.trials), default=math.inf)
+        smallest_ratio = min(
+            (earlier.error_ratio for earlier in self.trials), default=math.inf
+        )
         trial = replace(trial, errors=errors, reason=bars.reason)
         if trial.error_ratio < smallest_ratio:
             self.best_contact = contact
@@ -572,14 +575,15 @@ class _Search:
         return replace(trial, convolutions=total, work=total * share)
 
     def _append(self, trial: Trial, expected_ratio: float = math.inf) -> None:
-        """Append a trial, whose error ratio may only be expected."""
+        """Append a trial; `expected_ratio` is its expected error ratio if it was not solved."""
         self.trials.append(trial)
         self.last_ratio = min(trial.error_ratio, expected_ratio)
 
     def _expected_ratio(self, coarse: Contact | None) -> float:
-        """Return the error ratio that the contact on half of a grid's nodes lets expect [1].
+        """Return the expected error ratio of a grid from the contact on half of its nodes [1].
 
-        It is that of the area for the place of its border; 0 if it is not known.
+        It is the ratio of the area, from the part for the place of the border. It is 0 if `coarse`
+        is None or has no contact, or if no error of the area is asked for.
         """
         if coarse is None or coarse.contact_nodes == 0 or "area" not in self.asked_errors:
             return 0.0
@@ -589,20 +593,20 @@ class _Search:
     def _solved(self, problem: Problem, coarse: Contact | None) -> Contact:
         """Solve on a grid, and again with a tighter tolerance if the gap is small against Delta.
 
-        The start is the contact on half of the nodes, if there is one. The contact has the
-        convolutions of both solves.
+        The start is `coarse`, the contact on half of the nodes, unless it is None. The returned
+        contact has the convolutions of both solves.
         """
         near = None
         if coarse is not None:
             rows, columns = problem.heights.shape
             near = coarse.pressure.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
         contact = solve_posed(problem, near)
-        unit = abs(contact.delta - problem.mean_displacement)  # of the tolerance [um]
-        if unit == 0:  # a flat surface
+        tolerance_unit = abs(contact.delta - problem.mean_displacement)  # [um]
+        if tolerance_unit == 0:  # a flat surface
             return contact
         gap = max(contact.mean_gap, 0.0)
-        largest = OF_GAP * min(self.asked_errors.values()) * gap / unit
-        tolerance = max(largest, min(RTOL, problem.rtol))
+        largest_violation = OF_GAP * min(self.asked_errors.values()) * gap  # [um]
+        tolerance = max(largest_violation / tolerance_unit, min(RTOL, problem.rtol))
         if problem.rtol <= tolerance:
             return contact
         tighter = solve_posed(replace(problem, rtol=tolerance), contact.pressure)
@@ -701,12 +705,12 @@ def _error_of_solver(contact: Contact, answer: Answer) -> float:
     return error
 
 
-def tolerance_for(asked: Mapping[str, float]) -> float:
+def tolerance_for(asked_errors: Mapping[str, float]) -> float:
     """Return the tolerance of the solver for errors that are asked for.
 
     Parameters
     ----------
-    asked : mapping of str to float
+    asked_errors : mapping of str to float
         Largest relative errors by the names of the answers [1].
 
     Returns
@@ -714,7 +718,7 @@ def tolerance_for(asked: Mapping[str, float]) -> float:
     float
         A tenth of the least error, at most `LOOSEST` [Delta].
     """
-    return min(OF_TOLERANCE * min(asked.values()), LOOSEST)
+    return min(OF_TOLERANCE * min(asked_errors.values()), LOOSEST)
 
 
 def _relative_bar(contact: Contact, error: GridError, name: str) -> float:

@@ -31,7 +31,8 @@ from bem.threads import computed_once
 # Number of nodes along an axis from which a height between nodes is interpolated on free maps.
 NODES_BESIDE = 6
 
-# Approximate largest number of lines of a map on which slopes are measured along each axis.
+# Number of lines of a map on which slopes are measured along each axis. Because lines are at equal
+# distances, there may be up to twice as many; a map with fewer lines has all of them measured.
 LINES = 64
 
 # Number of rows of a map that are transformed at once.
@@ -74,8 +75,8 @@ def sampled_lines(heights: Field) -> tuple[Field, Field]:
     Returns
     -------
     along, across : ndarray, shapes (nx, k) and (ny, m)
-        Lines along the first and along the second axis, about `LINES` at most. The nodes of a line
-        follow each other along the first axis of both arrays [um].
+        Lines along the first and along the second axis, fewer than 2 `LINES` each. The nodes of a
+        line follow each other along the first axis of both arrays [um].
     """
     rows, columns = heights.shape
     along = heights[:, :: max(1, columns // LINES)]
@@ -292,8 +293,8 @@ class _SlopesOfLines:
 
         Distances are at most a quarter of the lines' length.
         """
-        most = max(self._lines.shape[0].bit_length() - 3, 0)
-        exponent = min(math.log2(distance), most)
+        largest_exponent = max(self._lines.shape[0].bit_length() - 3, 0)
+        exponent = min(math.log2(distance), largest_exponent)
         lower = math.floor(exponent)
         upper = math.ceil(exponent)
         share = exponent - lower
@@ -323,7 +324,7 @@ class _SlopesOfWaves:
     mean_squares : ndarray, shape (k,)
         Mean squares of the waves of each number along the axis [square of unit of heights].
     wavenumbers : ndarray, shape (k,)
-        Number of each wave over the unit of length [1].
+        Number of each wave in the unit of length [1 / unit of length].
     spacing : float
         Distance of the nodes [unit of length].
     """
@@ -333,7 +334,7 @@ class _SlopesOfWaves:
     spacing: float
 
     def kept_by(self, step: float) -> _SlopesOfWaves:
-        """Return the slopes of the waves that nodes at a larger distance can carry [nodes]."""
+        """Return the slopes of the waves that nodes at the distance `step` [nodes] can carry."""
         kept = 2 * step * self.spacing * self.wavenumbers < 1
         return replace(
             self, mean_squares=self.mean_squares[kept], wavenumbers=self.wavenumbers[kept]
@@ -367,7 +368,8 @@ class _Rows:
     def of(cls, heights: Field, kept: int, *, is_periodic: bool, unit: float) -> _Rows:
         """Transform the rows of heights, (nx, ny), less their mean, and keep the lowest numbers.
 
-        `unit` is in the unit of the heights. A few rows at a time are in the processor's cache.
+        `unit` is in the unit of the heights. Rows are transformed in bands of `ROWS_AT_ONCE`, which
+        fit into the processor's cache.
         """
         from scipy import fft  # here, because few contacts need it
 
@@ -463,8 +465,8 @@ class _Waves:
         left_out = _steepest_from(of_number, steepness_across, steepness_along.max())
         # A lower bound of the mean square slope of all waves: as if each number across had only its
         # least steep wave.
-        least = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
-        kept = int(np.argmax(left_out <= NEGLIGIBLE * least))
+        lower_bound = float(of_number @ np.append(1 / rows**2, steepness_across[1:]))
+        kept = int(np.argmax(left_out <= NEGLIGIBLE * lower_bound))
         weights = None
         if not body.is_homogeneous:
             kept = across.size  # the body may give large weights to waves of little slope
@@ -494,15 +496,17 @@ class _Waves:
         `aspect` is the second side of a cell over its first.
         """
         squares = self._squares(self.amplitudes)
-        waves = 1.0 if self.is_periodic else 0.5  # of a number over the side
+        waves_per_number = 0.5  # numbers count half waves in a mirrored patch
+        if self.is_periodic:
+            waves_per_number = 1.0
         along = _SlopesOfWaves(
             mean_squares=self.times_along * (squares @ self.times_across),
-            wavenumbers=waves * np.sqrt(self.steepness_along),
+            wavenumbers=waves_per_number * np.sqrt(self.steepness_along),
             spacing=1.0,
         )
         across = _SlopesOfWaves(
             mean_squares=self.times_across * (self.times_along @ squares),
-            wavenumbers=waves * np.sqrt(self.steepness_across),
+            wavenumbers=waves_per_number * np.sqrt(self.steepness_across),
             spacing=aspect,
         )
         return along, across
@@ -643,17 +647,17 @@ def _interpolation(nodes: int, places: Values) -> Any:
     """
     from scipy.sparse import csr_array  # here, because few contacts need it
 
-    beside = min(NODES_BESIDE, nodes)
-    first = np.floor(places).astype(np.intp) - (beside // 2 - 1)
-    first = np.clip(first, 0, nodes - beside)
+    number_of_nodes = min(NODES_BESIDE, nodes)
+    first = np.floor(places).astype(np.intp) - (number_of_nodes // 2 - 1)
+    first = np.clip(first, 0, nodes - number_of_nodes)
     from_first = places - first
-    weights = np.ones((places.size, beside))
-    for number in range(beside):
-        for other in range(beside):
+    weights = np.ones((places.size, number_of_nodes))
+    for number in range(number_of_nodes):
+        for other in range(number_of_nodes):
             if other != number:
                 weights[:, number] *= (from_first - other) / (number - other)
-    columns = first[:, np.newaxis] + np.arange(beside)
-    ends = beside * np.arange(places.size + 1)
+    columns = first[:, np.newaxis] + np.arange(number_of_nodes)
+    ends = number_of_nodes * np.arange(places.size + 1)
     shape = (places.size, nodes)
     return csr_array((weights.ravel(), columns.ravel(), ends), shape=shape)
 
@@ -700,8 +704,8 @@ class _SquaredSlopes:
     of_difference: float
 
 
-def _squared_slopes(lines: Field, fewer: Field, across: int) -> _SquaredSlopes:
-    """Compute mean square slopes along lines of a map, and of their difference to fewer nodes.
+def _squared_slopes(lines: Field, fewer: Field, map_columns: int) -> _SquaredSlopes:
+    """Compute mean square slopes of a map along lines, and of the map less that of fewer nodes.
 
     Only places between the outermost of the fewer nodes are compared.
 
@@ -712,15 +716,16 @@ def _squared_slopes(lines: Field, fewer: Field, across: int) -> _SquaredSlopes:
         [unit of heights].
     fewer : ndarray, shape (mx, my)
         Heights on fewer nodes [unit of heights].
-    across : int
+    map_columns : int
         Nodes ny of the map along its second axis.
     """
     nodes = lines.shape[0]
-    steps = nodes / fewer.shape[0], across / fewer.shape[1]
+    step = nodes / fewer.shape[0]
+    step_of_columns = map_columns / fewer.shape[1]
     # Places of the map's nodes and of its lines, in spacings of the fewer nodes.
-    places = (np.arange(nodes) + 0.5) / steps[0] - 0.5
-    line_numbers = np.arange(lines.shape[1]) * max(1, across // LINES)
-    line_places = (line_numbers + 0.5) / steps[1] - 0.5
+    places = (np.arange(nodes) + 0.5) / step - 0.5
+    line_numbers = np.arange(lines.shape[1]) * max(1, map_columns // LINES)
+    line_places = (line_numbers + 0.5) / step_of_columns - 0.5
     inside = (places >= 0) & (places <= fewer.shape[0] - 1)
     lines_inside = (line_places >= 0) & (line_places <= fewer.shape[1] - 1)
     on_lines = _interpolation(fewer.shape[1], line_places[lines_inside]) @ fewer.T

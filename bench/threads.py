@@ -27,7 +27,7 @@ from gen.arrays import Heights
 from gen.runtime.errors import InputError
 
 ENTRIES = 2.5e7
-"""Entries of padded fields that each copy transforms in a turn, so that a turn takes a while."""
+"""Entries of padded fields that each copy transforms in a turn, so that its time is measurable."""
 
 FEWEST_TRANSFORMS = 2
 """Smallest number of transforms of a copy in a turn."""
@@ -47,16 +47,17 @@ def threads(
     percents : sequence of float
         Shares of the nodes in contact [%].
     threads : int
-        Number of threads beside a single one.
+        Number of threads that are compared with one thread.
     rounds : int
         Number of turns.
 
     Returns
     -------
     list of Row
-        One row for each grid and share: times of a solve on one and on all threads (`seconds_one`,
-        `seconds`) [s], their ratio (`gain`), that of copies of the transforms alone (`copies`), and
-        the first ratio over the second (`gain_over_copies`).
+        One row for each grid and share. It has the median times of a solve on one and on all
+        threads (`seconds_one`, `seconds`) [s]; the median over the turns of their ratio (`gain`);
+        the gain of copies of the transforms alone (`copies`); and the first gain over the second
+        (`gain_over_copies`).
 
     Raises
     ------
@@ -116,7 +117,7 @@ def _time_of_copies(nodes: int, threads: int, transforms: int) -> float:
 
 
 def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
-    """Solve a contact on one and on several threads in turn; return medians, and their ratio."""
+    """Solve a contact on one and on several threads in turn; return median times and the gain."""
     # The first solve makes tables and plans.
     first = bem.solve(heights, SIDE, delta, rtol=RTOL, threads=threads)
     seconds: dict[int, list[float]] = {1: [], threads: []}

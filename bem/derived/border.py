@@ -309,8 +309,8 @@ def border_edges(
         np.concatenate(inner_of_ways),
         np.repeat([inward for _, inward in ways], numbers),
         directions=_Directions(
-            aligned=np.concatenate([each.aligned for each in directions_of_ways]),
-            slope=np.concatenate([each.slope for each in directions_of_ways]),
+            aligned=np.concatenate([way.aligned for way in directions_of_ways]),
+            slope=np.concatenate([way.slope for way in directions_of_ways]),
         ),
         compliance=np.repeat(
             [compliance * problem.spacing[axis] for axis, _ in ways], numbers

@@ -1,10 +1,10 @@
 """Signs at the border of contact of the errors that a grid makes there.
 
-The border of contact is somewhere between the nodes. What its place changes, and by how much, shows
-in four ways:
+The border of contact is somewhere between the nodes. Four signs tell which answers its place
+changes, and by how much:
 
-- The share of the border: the edges of cells between contact and gap over the nodes in contact. The
-  error of an area is about the same part of each edge.
+- The share of the border: the edges of cells between contact and gap over the nodes in contact.
+  Each edge adds about the same part of a cell to the error of an area.
 - The scatter of the border. The places of the border at two edges are independent draws, so that
   their errors cancel in part. Where the border is straight along an axis, or repeats itself as that
   of regular waves does, all edges of a piece have the same place, and their errors add up.
@@ -32,7 +32,7 @@ SAME_HEIGHT = 1e-8
 
 @dataclass(frozen=True)
 class BorderSigns:
-    """What the border of a contact tells of the errors of its answers; all zero without a border.
+    """Signs of the errors that a contact's answers have by its border; all zero without a border.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class BorderSigns:
 def border_signs(
     pressure: Field, gap: Field, heights: Field, boundary: Boundary
 ) -> BorderSigns:
-    """Return what the border of a contact tells of the errors of its answers.
+    """Return the signs of the errors that a contact's answers have by its border.
 
     Parameters
     ----------

@@ -31,8 +31,8 @@ def coarser(problem: Problem) -> Problem:
     Returns
     -------
     Problem
-        The problem on the coarser grid, with the same load and a tolerance of at least
-        `COARSE_RTOL`, or less where a free patch settles, see `Problem.settlement_ratio`.
+        The problem on the coarser grid, with the same load. Its tolerance is at least `COARSE_RTOL`
+        over the `Problem.settlement_ratio`.
     """
     heights = problem.heights
     spacing = list(problem.spacing)

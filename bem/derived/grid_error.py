@@ -129,7 +129,7 @@ class GridError:
     growth : float
         Share by which a summit of this height makes area and force grow, 0 under a given load [1].
     border : BorderSigns
-        What the border of contact tells of the errors.
+        Signs of the errors by the border of contact.
     yielded_share : float
         Share of the nodes in contact that has yielded [1].
     spare : float
@@ -173,15 +173,15 @@ class GridError:
         spacing = self.contact.problem.spacing
         percent = self.contact.continuum_area_percent
         percent_per_area = percent / (area_within(self.contact) or 1.0)
-        least = 0.0
+        lower_bound = 0.0
         # Without a limit of the area, only load / hardness bounds it from below.
         if self.order < LEAST_ORDER and self.spare <= NEARLY_YIELDED:
-            least = self.spare * percent
+            lower_bound = self.spare * percent
         return self._bar(
             "area",
             lambda contact: percent_per_area * area_within(contact, spacing),
             value=percent,
-            at_least=max(least, self._opened.area_percent),
+            at_least=max(lower_bound, self._opened.area_percent),
             by_outer_nodes=percent * self._area_by_outer_nodes,
             by_summit=percent * self.growth,
         )
@@ -436,11 +436,12 @@ def _touches_at_creases(contact: Contact) -> bool:
         nodes = lines.shape[0]
         if nodes < FEWEST:
             continue
-        known = np.ones(along.size, dtype=bool)
-        if contact.problem.boundary != "periodic":  # pairs beyond a border are unknown
-            known = (along >= 2) & (along < nodes - 2)
-        squares_over_one = _squared_bends(lines, along[known], across[known], distance=1)
-        squares_over_two = _squared_bends(lines, along[known], across[known], distance=2)
+        has_pairs = np.ones(along.size, dtype=bool)
+        if contact.problem.boundary != "periodic":  # there are no nodes beyond a border
+            has_pairs = (along >= 2) & (along < nodes - 2)
+        places = along[has_pairs], across[has_pairs]
+        squares_over_one = _squared_bends(lines, *places, distance=1)
+        squares_over_two = _squared_bends(lines, *places, distance=2)
         sums.append((squares_over_one, squares_over_two))
     over_one, over_two = max(sums, default=(0.0, 0.0))
     rounding = (1e-13 * float(np.ptp(heights))) ** 2 * heights.size
@@ -464,8 +465,8 @@ def _summit(heights: Field, boundary: Boundary, *, creased: bool) -> float:
     """Return the height by which the summit may be above the highest node, never negative [um].
 
     On a smooth surface it is the height of the quadric through the highest node and its neighbours.
-    At creases it is a share of the height differences to them. Beyond a border the surface goes on
-    as its mirror image.
+    At creases it is a share of the height differences to them. The surface is continued
+    periodically on a periodic patch, and by its mirror image beyond the borders of other patches.
     """
     row, column = np.unravel_index(int(heights.argmax()), heights.shape)
     mode: Literal["wrap", "symmetric"] = "symmetric"

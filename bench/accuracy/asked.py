@@ -66,6 +66,9 @@ AREA = "area"
 ENOUGH_IN_WAVE = 8.0
 """Fewest nodes in the shortest wave with which most contacts should be answered."""
 
+ALL_KINDS = (*KINDS, MEASURED, *LATER_KINDS)
+"""Names of all kinds of surfaces. The place of a name is a number of the seeds of its samples."""
+
 LoadName = Literal["pressure", "force", "delta"]
 """Name of the quantity that is given."""
 
@@ -152,16 +155,16 @@ def asked_and_got(
     InputError
         If there is no such kind. The kind of measured maps needs maps.
     """
-    known = [*KINDS, MEASURED, *LATER_KINDS] if maps else [*KINDS, *LATER_KINDS]
+    possible_kinds = [kind for kind in ALL_KINDS if maps or kind != MEASURED]
     for kind in kinds:
-        if kind not in known:
-            raise InputError(f"--kinds {kind}: give some of {', '.join(known)}")
-    wanted = kinds or known
-    tasks = [(kind, seed) for kind in wanted for seed in range(contacts)]
+        if kind not in possible_kinds:
+            raise InputError(f"--kinds {kind}: give some of {', '.join(possible_kinds)}")
+    drawn_kinds = kinds or possible_kinds
+    tasks = [(kind, seed) for kind in drawn_kinds for seed in range(contacts)]
     judge = partial(_rows_of_contact, maps)
     rows_by_contact = _mapped(judge, tasks, processes)
     rows: list[Row] = []
-    for kind in wanted:
+    for kind in drawn_kinds:
         of_kind = list(chain.from_iterable(islice(rows_by_contact, contacts)))
         remark(f"{kind}: {len({row['seed'] for row in of_kind})} contacts")
         rows += of_kind
@@ -187,8 +190,7 @@ def _rows_of_contact(maps: Sequence[MeasuredMap], task: tuple[str, int]) -> list
     There are no rows if the drawn load has no solution or brings nothing into contact.
     """
     kind, seed = task
-    names = [*KINDS, MEASURED, *LATER_KINDS]
-    random = np.random.default_rng((SEED, names.index(kind), seed))
+    random = np.random.default_rng((SEED, ALL_KINDS.index(kind), seed))
     if kind == MEASURED:
         sample = window_of_map(maps, random)
     else:
@@ -269,8 +271,8 @@ def _pressed(
 def _rms_of_full_contact(sample: Sample, heights: Heights) -> float:
     """Return the rms of the pressure that flattens a surface [MPa].
 
-    `heights` are those of the sample's map. On a half-space it is E* times half of the rms slope;
-    on a layer each wave has its own stiffness, and mirror images continue the map.
+    `heights` are those of the sample's map. On a half-space the result is E* times half of the rms
+    slope. On a layer each wave has its own stiffness; the map is continued by its mirror images.
     """
     if sample.body is None:
         along, across = (float(np.diff(heights, axis=axis).std()) for axis in (0, 1))
@@ -290,7 +292,7 @@ def _rows_of_map(pressed: _Pressed) -> list[Row]:
     rows = []
     for answer in pressed.answers:
         value = float(ANSWERS[answer].value(contact))
-        row = _Judged(pressed, asked_for="map", asked=math.nan, answer=answer)
+        row = _Judged(pressed, asked_for="map", asked_error=math.nan, answer=answer)
         if not estimate.verdicts[answer] or value == 0 or not math.isfinite(value):
             rows.append(row.unanswered("not resolved"))
             continue
@@ -302,18 +304,18 @@ def _rows_of_map(pressed: _Pressed) -> list[Row]:
 def _rows_of_errors(pressed: _Pressed) -> list[Row]:
     """Return the rows of all errors that are asked for: of the area alone, and of all answers."""
     rows = []
-    for asked in ERRORS:
-        rows += _rows_of_error(pressed, "area", asked, (AREA,))
-        rows += _rows_of_error(pressed, "all", asked, pressed.answers)
+    for error in ERRORS:
+        rows += _rows_of_error(pressed, "area", error, (AREA,))
+        rows += _rows_of_error(pressed, "all", error, pressed.answers)
     return rows
 
 
 def _rows_of_error(
-    pressed: _Pressed, asked_for: str, asked: float, answers: Sequence[str]
+    pressed: _Pressed, asked_for: str, error: float, answers: Sequence[str]
 ) -> list[Row]:
     """Ask for some answers within an error, and return a row for each of them."""
     judged = [
-        _Judged(pressed, asked_for=asked_for, asked=asked, answer=answer)
+        _Judged(pressed, asked_for=asked_for, asked_error=error, answer=answer)
         for answer in answers
     ]
     heights = pressed.sample.heights(pressed.sample.nodes)
@@ -321,7 +323,7 @@ def _rows_of_error(
         contact = bem.solve_within(
             heights,
             1.0,
-            dict.fromkeys(answers, asked),
+            dict.fromkeys(answers, error),
             threads=1,
             **{pressed.load: pressed.value},
             **pressed.settings,
@@ -343,7 +345,7 @@ class _Judged:
 
     pressed: _Pressed
     asked_for: str  # "area", "all" answers, or "map" for the bar of the map
-    asked: float  # relative error [1]; NaN for the bar of the map
+    asked_error: float  # relative error [1]; NaN for the bar of the map
     answer: str  # name of the answer
 
     def answered(self, value: float, bar: float, grid: int) -> Row:
@@ -374,6 +376,6 @@ class _Judged:
         return {
             **self.pressed.description(),
             "asked_for": self.asked_for,
-            "asked_percent": 100 * self.asked,
+            "asked_percent": 100 * self.asked_error,
             "answer": self.answer,
         }

@@ -163,8 +163,8 @@ def medians(rows: Sequence[Row]) -> list[Row]:
         for size in (row["nodes"], "all"):
             groups.setdefault((row["asked_percent"], size), []).append(row)
     return [
-        {"asked_percent": asked, "nodes": size, **_medians(group)}
-        for (asked, size), group in groups.items()
+        {"asked_percent": asked_percent, "nodes": size, **_medians(group)}
+        for (asked_percent, size), group in groups.items()
     ]
 
 

@@ -156,9 +156,9 @@ def _of_peers(ratios: Sequence[Row]) -> list[Row]:
 def _of_full_grids(medians: Sequence[Row]) -> list[Row]:
     """Return the promises about full grids."""
     table = []
-    for asked, least in ((3.0, 20.0), (1.0, 8.0)):
+    for percent_asked, least in ((3.0, 20.0), (1.0, 8.0)):
         for row in medians:
-            if row["nodes"] == "all" and row["asked_percent"] == asked:
-                words = f"full grid with its bar over ours, asked to {asked:g} %: time"
+            if row["nodes"] == "all" and row["asked_percent"] == percent_asked:
+                words = f"full grid with its bar over ours, asked to {percent_asked:g} %: time"
                 table += _promise(words, row["times"], row["answered"], least=least)
     return table

@@ -1,4 +1,4 @@
-"""Surfaces of twenty-one kinds for the report `accuracy`, each known between the nodes of its map.
+"""Surfaces of many kinds for the report `accuracy`, each known between the nodes of its map.
 
 A surface is a function of places, so that it can be read on any grid: on the map that a user would
 have, and on the finer grid that gives the true answers. Its random numbers have seeds of their own.
@@ -149,8 +149,8 @@ def mirrored(surface: Surface) -> Surface:
 
     def heights(x: Values) -> Heights:
         """Return the heights, (n, n), at n places along both axes."""
-        both = surface(np.concatenate([x / 2, -x / 2]))
-        quarters = both.reshape(2, len(x), 2, len(x))
+        all_quarters = surface(np.concatenate([x / 2, -x / 2]))
+        quarters = all_quarters.reshape(2, len(x), 2, len(x))
         return np.asarray(quarters.sum(axis=(0, 2)) / 2)
 
     return heights
@@ -562,4 +562,4 @@ MEASURED = "measured maps"
 """Name of the kind whose samples are windows of a user's maps."""
 
 LATER_KINDS: Mapping[str, Draw] = {"layers": _layers}
-"""Further kinds. Their seeds come after those of the measured maps, which were there before."""
+"""Kinds that were added after the measured maps, and have the seeds after theirs."""

@@ -228,12 +228,11 @@ def time_to_area(waves: Sequence[int], surfaces: int, largest: int) -> list[Row]
     Returns
     -------
     list of Row
-        Rows for each way and surface. Column `row` is "grid" for each grid that was solved,
-        "default" for the map with default settings (of other solvers, on the first surface of each
-        number of waves), and, for each error of `ERRORS` and other
-        solver, "measured" or "extrapolated" for the coarsest grid within the error. Column
-        `within_percent` has this error, for our way the error that was asked for, and None in all
-        other rows.
+        Rows for each way and surface. Column `row` is "grid" for each grid that was solved. It is
+        "default" for the map with default settings; other solvers have this row on the first
+        surface of each number of waves. For each error of `ERRORS` and other solver it is
+        "measured" or "extrapolated" for the coarsest grid within the error. Column `within_percent`
+        has this error, for our way the error that was asked for, and None in all other rows.
     """
     peers = PERIODIC_SOLVERS[1:]
     for package, install in missing(peers).items():
@@ -253,22 +252,22 @@ def _rows_of_surface(rough: Rough, peers: Sequence[Solver], largest: int) -> lis
     slow all of them.
     """
     ours = _Ours(rough)
-    others = [_Peer(rough, solver) for solver in peers]
+    timed_peers = [_Peer(rough, solver) for solver in peers]
     ours.take_turn()
     for in_wave in IN_WAVE:
-        if all(peer.is_done for peer in others):
+        if all(peer.is_done for peer in timed_peers):
             break
         if COARSEST <= in_wave * rough.waves <= largest:
             grid = _Grid.solved(rough, in_wave)
-            for peer in others:
+            for peer in timed_peers:
                 peer.take_grid(grid)
             ours.take_turn()
     rows = ours.rows()
-    for peer in others:
+    for peer in timed_peers:
         rows += peer.rows(ours)
     if rough.number == 0:
         map_grid = _Grid.solved(rough, MAP_IN_WAVE)
-        for peer in others:
+        for peer in timed_peers:
             rows += peer.default_rows(map_grid, ours)
     return rows
 
@@ -317,18 +316,18 @@ class _Ours:
         self._map = rough.heights(MAP_IN_WAVE)
         self._seconds: dict[float, list[float]] = {}
         self._contacts: dict[float, bem.Contact] = {}
-        for asked in ASKED:
+        for error in ASKED:
             try:
-                self._contacts[asked] = self._contact(asked)  # plans transforms, too
+                self._contacts[error] = self._contact(error)  # plans transforms, too
             except bem.NotReachable as refusal:
-                remark(f"{rough.waves} waves, {100 * asked:g} %: {refusal}")
+                remark(f"{rough.waves} waves, {100 * error:g} %: {refusal}")
 
-    def _contact(self, asked: float) -> bem.Contact:
+    def _contact(self, error: float) -> bem.Contact:
         """Ask for the area within an error."""
         return bem.solve_within(
             self._map,
             1.0,
-            asked,
+            error,
             pressure=PRESSURE,
             boundary="periodic",
             threads=1,
@@ -336,27 +335,27 @@ class _Ours:
 
     def take_turn(self) -> None:
         """Time all errors that can be reached."""
-        for asked in self._contacts:
-            seconds = timed(partial(self._contact, asked))
-            self._seconds.setdefault(asked, []).append(seconds)
+        for error in self._contacts:
+            seconds = timed(partial(self._contact, error))
+            self._seconds.setdefault(error, []).append(seconds)
 
     @property
     def solved(self) -> dict[float, Solved]:
         """The solved grids by the errors that were asked for [1]."""
         return {
-            asked: Solved(
+            asked_error: Solved(
                 nodes=contact.pressure.shape[0],
-                seconds=median(self._seconds[asked]),
+                seconds=median(self._seconds[asked_error]),
                 error=self._rough.error(contact.continuum_area_percent),
             )
-            for asked, contact in self._contacts.items()
+            for asked_error, contact in self._contacts.items()
         }
 
     def rows(self) -> list[Row]:
         """Return a row for each error that was asked for, and one of `bem.solve`."""
         rows = [
-            _row(self._rough, OURS, "grid", solved, within=asked, ours=self)
-            for asked, solved in self.solved.items()
+            _row(self._rough, OURS, "grid", solved, within=error, ours=self)
+            for error, solved in self.solved.items()
         ]
         area_by_default = partial(_area_by_default, self._map)
         default = Solved(
@@ -496,9 +495,8 @@ def extrapolated(solved: Sequence[Solved], within: float) -> Solved:
     """Extrapolate the nodes and the time that a count needs to be within an error.
 
     The error of a count is proportional to the spacing, by a factor that is the median over the
-    last `FITTED` grids. The time grows with a power of the nodes a
-    side, which is fitted to these grids and kept between 2 (time proportional to the
-    number of all nodes) and 3.
+    last `FITTED` grids. The time grows with a power of the nodes a side, which is fitted to these
+    grids and kept between 2 (time proportional to the number of all nodes) and 3.
 
     Parameters
     ----------

@@ -20,7 +20,15 @@ from bench import databases
 from bench.databases import OTHER_SEED
 from bench.files import Row
 from bench.report import Report, remark
-from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
+from bench.surrogates.fitting import (
+    AREA_MAX,
+    Fitted,
+    Parts,
+    fit,
+    parted,
+    read,
+    request_for,
+)
 from gen.arrays import Heights, Values
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
@@ -356,7 +364,7 @@ def cost(
     rows: int,
     database: Path | None = None,
     comparison: Path | None = None,
-    area_max: float = 16.56,
+    area_max: float = AREA_MAX,
     surfaces: int = 32,
 ) -> Report:
     """Measure costs and savings of kernel ridge surrogates of the paper preset.

@@ -1,4 +1,4 @@
-"""What each feature set is worth: errors, small areas, intervals, and the time of the features.
+"""Errors, also of small areas, and intervals of surrogates by feature set, and the features' times.
 
 Kernel ridge is fitted to rows of the paper preset as `learn fit` does, for several splits into
 training and test rows. Then surrogates of bodies that yield are judged in the same way.
@@ -17,7 +17,7 @@ from bench import databases
 from bench.files import Row
 from bench.report import Report, remark
 from bench.surrogates.cost import feature_seconds, measure_solver, new_queries
-from bench.surrogates.fitting import fit, parted, request_for
+from bench.surrogates.fitting import AREA_MAX, fit, parted, request_for
 from gen.arrays import Indices, Values
 from gen.quantities import FORCE, YIELDED
 from gen.runtime.errors import InputError
@@ -38,9 +38,6 @@ QUARTERS = 4
 
 BINS = 16
 """Number of parts, of equally many rows, in which the errors of the picture are taken."""
-
-AREA_MAX = 16.56
-"""Largest area of the rows that are used, the paper's [%]."""
 
 FEWEST_ROWS = 100
 """Smallest number of rows that is accepted."""
@@ -182,7 +179,7 @@ def _judged(request: Request, usable: Dataset, seeds: Iterable[int]) -> Judged:
     for seed in seeds:
         parts = parted(usable, seed)
         fitted = fit(replace(request, seed=seed), parts.train, parts.folds, settings)
-        settings = fitted.settings
+        settings = fitted.settings  # of the first split
         ends = fitted.interval(parts.test, LEVEL)
         truth.append(parts.test.target * parts.test.scale)
         predicted.append(fitted.predict(parts.test))
@@ -208,7 +205,7 @@ def _times_in_solves(surfaces: int) -> dict[Variant, float]:
 
 
 def _row_of_scores(variant: Variant, judged: Judged, solves: float) -> Row:
-    """Return the row of a feature set, whose features take the time of some solves."""
+    """Return the row of a feature set; `solves` is its features' time over that of a solve."""
     truth = judged.truth
     return {
         "features": variant.name,
@@ -227,8 +224,8 @@ def _row_of_scores(variant: Variant, judged: Judged, solves: float) -> Row:
 def _rows_of_quarters(judged: dict[Variant, Judged]) -> Iterator[Row]:
     """Yield the coverage of each feature set in each quarter of the area.
 
-    `slack` is three standard errors of a share of `LEVEL`, of the rows that judge and of those that
-    calibrated. (All training rows calibrate, of which each quarter has a fourth.)
+    `slack` is three standard errors of a share of `LEVEL`. It includes the scatter of the rows that
+    judge and of those that calibrated: all training rows, a fourth of them for each quarter.
     """
     for variant, of_variant in judged.items():
         for rows in of_variant.in_parts(QUARTERS):

@@ -22,6 +22,9 @@ from learn.surrogate.fitting import fit_target
 from learn.surrogate.interval import Distance
 from learn.surrogate.learnt import Fit
 
+AREA_MAX = 16.56
+"""Largest area of the rows that are used, the paper's [%]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:

@@ -1,8 +1,8 @@
 """How far a surrogate of the paper preset may be taken: the paper's section 4.3, and further.
 
 Kernel ridge is fitted to the paper preset with each feature set, and judged on other grids,
-generators and scan lengths, and on larger Hurst exponents than it was trained on. `coverage`
-asks the same of the intervals, with hybrid features and many more kinds of surfaces.
+generators and scan lengths, and on larger Hurst exponents than it was trained on. The report
+`coverage` judges the intervals in the same way, on many more kinds of surfaces.
 """
 
 from collections.abc import Iterator
@@ -16,15 +16,20 @@ from bench.databases import OTHER_SEED
 from bench.files import Row, read_toml
 from bench.report import remark
 from bench.surrogates.coverage import HURST_BORDER, LEVEL, column
-from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
+from bench.surrogates.fitting import (
+    AREA_MAX,
+    Fitted,
+    Parts,
+    fit,
+    parted,
+    read,
+    request_for,
+)
 from gen.runtime.errors import InputError
 from learn import dataset
 from learn.database_rows import Dataset
 from learn.dataset import Request
 from learn.features import OF_SURFACES
-
-AREA_MAX = 16.56
-"""Largest area of the rows that are used, the paper's [%]."""
 
 FEWEST_ROWS = 200
 """Smallest number of rows of the preset that is accepted."""
@@ -37,7 +42,7 @@ FEWEST_TO_JUDGE = 40
 
 SCENES: dict[str, str] = read_toml("surrogates/scenes")["generalisation"]
 """Scenes (TOML) of the databases that judge, by their names in the table, without their numbers of
-rows and seeds. They have the keys that differ from the paper preset."""
+rows and seeds. Keys that a scene does not have are those of the paper preset."""
 
 FINE = "fine grid (257)"
 """The scene of which some rows train a further surrogate, together with the preset."""
@@ -130,23 +135,26 @@ def _case_of_hurst(request: Request, parts: Parts) -> Case:
 
 
 def _case_of_added_rows(request: Request, paths: tuple[Path, Path]) -> Case:
-    """Fit rows of the preset and half of the rows of the fine grid; its other half judges."""
-    (both,) = dataset.read(replace(request, databases=paths))
-    fine = np.flatnonzero(both.database == 1)
+    """Fit rows of the preset and half of the rows of the fine grid; its other half judges.
+
+    `paths` are the databases of the preset and of the fine grid.
+    """
+    (rows,) = dataset.read(replace(request, databases=paths))
+    fine = np.flatnonzero(rows.database == 1)
     added = fine[::2]
     judged = fine[1::2]
-    parts = parted(both.at(np.setdiff1d(np.arange(both.size), judged)))
+    parts = parted(rows.at(np.setdiff1d(np.arange(rows.size), judged)))
     fitted = fit(request, parts.train, parts.folds)
     remark(f"  {added.size} rows of the fine grid added")
-    return Case(ADDED, fitted, parts.train.size, both.at(judged))
+    return Case(ADDED, fitted, parts.train.size, rows.at(judged))
 
 
 def _row(features: str, case: Case) -> Row:
     """Return the row of a case with a feature set."""
     judged = case.judged
     truth = judged.target * judged.scale
-    low, high = case.fitted.interval(judged, LEVEL)
-    covered = (low <= truth) & (truth <= high)
+    ends = case.fitted.interval(judged, LEVEL)
+    covered = (ends.low <= truth) & (truth <= ends.high)
     return {
         "tested_on": case.tested_on,
         "features": features,

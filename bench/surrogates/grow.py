@@ -1,9 +1,9 @@
-"""What `learn grow` promises, beside the truth: growths to an error, judged on fresh surfaces.
+"""The errors that `learn grow` promises, beside the true errors on fresh surfaces.
 
 There are two populations: the surfaces of the scene `quick`, and windows of a folder of made maps.
-Surrogates of each are grown for several seeds, with the options that the command takes by itself.
-They are judged on a database of the same scene with another seed: new surfaces, and of maps windows
-in the tiles that the growth has held out.
+Surrogates of each are grown for several seeds, with the default options of the command. They are
+judged on a database of the same scene with another seed. Its surfaces are new; of the windows of
+maps, only those in tiles that the growth has held out judge.
 """
 
 import time
@@ -53,16 +53,16 @@ class Population:
     name: str  # name in the table
     scene: str  # scene (TOML), without its numbers of rows and its seed
     mark: float  # largest nMAE that is asked for [%]
-    seeds: int  # seed of the first growth; the others have the following seeds
+    first_seed: int  # seed of the first growth; the others have the following seeds
 
 
 POPULATIONS = (
-    Population(name="quick", scene=preset_text("quick"), mark=3.0, seeds=2025),
+    Population(name="quick", scene=preset_text("quick"), mark=3.0, first_seed=2025),
     Population(
         name="maps",
         scene=read_toml("surrogates/scenes")["windows"]["scene"],
         mark=5.0,
-        seeds=2025,
+        first_seed=2025,
     ),
 )
 """The populations that are judged."""
@@ -70,7 +70,7 @@ POPULATIONS = (
 
 @dataclass(frozen=True, eq=False)
 class Grown:
-    """A growth and its truth."""
+    """A growth, and the true errors of its last surrogate."""
 
     population: Population
     seed: int  # seed of the scene
@@ -98,7 +98,7 @@ class Grown:
                 "at_most": self.last.bound(target),
                 "fresh_nmae": truth.nmae,
                 "fresh_error": truth.standard_error,
-                "fresh_surfaces": truth.groups,
+                "fresh_surfaces": truth.groups,  # of windows of maps, their tiles
             }
 
 
@@ -111,10 +111,10 @@ def grow(folder: Path, fresh: int, seeds: int) -> Report:
     ----------
     folder : Path
         Folder of the report. Maps are written into its folder `maps`, databases and surrogates into
-        `databases`; growths that are there go on.
+        `databases`. A growth whose files exist is continued.
     fresh : int
-        Number of rows of the databases that judge, `FEWEST_FRESH` or more. Of maps those in the
-        tiles that a growth has held out are taken, about a fifth.
+        Number of rows of each database that judges, `FEWEST_FRESH` or more. Of windows of maps
+        about a fifth judges: those in tiles that the growth has held out.
     seeds : int
         Number of growths of each population, each with a seed of its own.
 
@@ -140,7 +140,7 @@ def grow(folder: Path, fresh: int, seeds: int) -> Report:
     for population in POPULATIONS:
         text = f"samples = {fresh}\nseed = {FRESH_SEED}\n{population.scene}"
         judging = generated(home, f"{population.name}-fresh", text)
-        for seed in range(population.seeds, population.seeds + seeds):
+        for seed in range(population.first_seed, population.first_seed + seeds):
             growths.append(_grown(home, population, seed, judging))
             remark(_in_words(growths[-1]))
     return Report(
@@ -174,9 +174,8 @@ def _grown(home: Path, population: Population, seed: int, judging: Path) -> Grow
             say=remark,
         )
         ending, last = growth.grow()
-    assert (
-        last is not None
-    )  # only a signal or a budget ends a growth before its first look
+    # Only a signal or a budget ends a growth before its first look.
+    assert last is not None
     return Grown(
         population=population,
         seed=seed,
@@ -191,7 +190,8 @@ def _grown(home: Path, population: Population, seed: int, judging: Path) -> Grow
 def _truth(last: Look, request: Request, judging: Path, seed: int) -> dict[str, Accuracy]:
     """Return the error of each target on the rows of a database that the growth has not seen.
 
-    `seed` is that of the growth. Of maps, only rows in tiles that it has held out are taken.
+    `seed` is that of the growth. Of windows of maps, only those in tiles that it has held out
+    judge.
     """
     sets = dataset.read(replace(request, databases=(judging,)), common=True)
     unseen = _unseen(sets[0], judging, seed)

@@ -2,15 +2,16 @@
 
 Each fit runs in a process of its own, because the peak of a process never falls. The memory of an
 ensemble is a linear function of its number of trees: it is measured with `SHARES` of the trees and
-carried on to all of them. The Gaussian process takes one step of the ascent of its likelihood;
-further steps need the same memory again. The support vector machine ends when its cache of kernel
-rows is full.
+extrapolated to all of them. Three fits are cut short, because further steps take no more memory.
+The Gaussian process evaluates its likelihood once. The support vector machine and the perceptron
+have a limit of iterations, within which the cache of kernel rows of the former becomes full.
 """
 
 import multiprocessing
 import resource
 import sys
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,14 @@ TREES = "n_estimators"
 """Name of the setting that is the number of trees."""
 
 
+@dataclass(frozen=True)
+class _Peaks:
+    """Most memory that a process has held since it began, at two times [GiB]."""
+
+    before: float  # before the fit
+    after: float  # after the fit and a prediction
+
+
 def memory(models: list[str], rows: int) -> list[Row]:
     """Fit models to random rows, and compare their peak memory with the one reckoned with.
 
@@ -91,33 +100,34 @@ def memory(models: list[str], rows: int) -> list[Row]:
 
 
 def _row(name: str, rows: int) -> Row:
-    """Measure a model; the peak of an ensemble is carried on to its largest number of trees."""
+    """Measure a model; the peak of an ensemble is extrapolated to its largest number of trees."""
     trees = max(SPACES[name].get(TREES, [1]))
-    few, more = (max(1, round(share * trees)) for share in SHARES)
-    before, peak = _measured(name, rows, more)
+    fewer_trees, fitted_trees = (max(1, round(share * trees)) for share in SHARES)
+    peaks = _measured(name, rows, fitted_trees)
+    peak = peaks.after
     if trees > 1:
-        _, peak_of_few = _measured(name, rows, few)
-        of_a_tree = max(peak - peak_of_few, 0.0) / (more - few)
-        peak += of_a_tree * (trees - more)
+        peak_of_fewer = _measured(name, rows, fewer_trees).after
+        of_a_tree = max(peak - peak_of_fewer, 0.0) / (fitted_trees - fewer_trees)
+        peak += of_a_tree * (trees - fitted_trees)
     return {
         "model": name,
         "rows": rows,
         "trees": trees,
-        "before": before,
+        "before": peaks.before,
         "peak": peak,
         "reckoned": needed_memory(name, rows) / GIB,
     }
 
 
-def _measured(name: str, rows: int, trees: int) -> tuple[float, float]:
-    """Fit a model in a new process; return the peaks before and after the fit [GiB]."""
+def _measured(name: str, rows: int, trees: int) -> _Peaks:
+    """Fit a model in a new process, and return its peaks."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        before, after = pool.apply(_fit, (name, rows, trees))
-    return before, after
+        peaks: _Peaks = pool.apply(_fit, (name, rows, trees))
+    return peaks
 
 
-def _fit(name: str, rows: int, trees: int) -> tuple[float, float]:
-    """Fit a model to random rows and predict a fifth as many; return both peaks [GiB]."""
+def _fit(name: str, rows: int, trees: int) -> _Peaks:
+    """Fit a model to random rows, predict a fifth of them, and return this process's peaks."""
     rng = np.random.default_rng(0)
     inputs = rng.uniform(0.1, 1.0, (rows, INPUTS))
     target = inputs[:, 0] ** 2 + inputs[:, 1] + 0.1 * rng.normal(size=rows)
@@ -134,7 +144,7 @@ def _fit(name: str, rows: int, trees: int) -> tuple[float, float]:
         warnings.simplefilter("ignore")  # trainings are cut short on purpose
         estimator.fit(inputs, target)
         estimator.predict(inputs[: rows // 5])
-    return before, _peak_of_this_process()
+    return _Peaks(before=before, after=_peak_of_this_process())
 
 
 def _peak_of_this_process() -> float:

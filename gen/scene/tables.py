@@ -227,8 +227,8 @@ class Contact(Table):
         if self.layer is None:
             return self.e_star, self.e_star
         low, high = limits(self.layer.modulus)
-        compressed = 1 - self.layer.poisson**2
-        return low / compressed, high / compressed
+        plane_strain = 1 - self.layer.poisson**2
+        return low / plane_strain, high / plane_strain
 
     @property
     def layer_text(self) -> str:

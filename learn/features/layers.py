@@ -1,11 +1,16 @@
 """Layers of bodies as features, and the layers that a training covers.
 
-A layer adds a length and moduli to a contact: its thickness, its modulus, and the modulus of its
-base. The contact stays the same if the thickness is scaled with the lengths along the surface, and
-all moduli are scaled together (`gen.quantities.OF_LAYERS`). Features are therefore two ratios: the
-thickness times a wave number of the surface, because a wave of pressure reaches about as deep as it
-is long; and the plane-strain modulus E* of the base over that of the layer. Both Poisson's ratios
-count too. No scene draws them: all rows of a training have the same ones (`LayerKind`).
+A layer adds a length and two moduli to a contact: its thickness, its modulus, and the modulus of
+its base. The contact stays the same if the thickness is scaled with the lengths along the surface,
+and all moduli are scaled together (`gen.quantities.OF_LAYERS`). The features are therefore two
+ratios:
+
+- the thickness times a wave number of the surface, because a wave of pressure reaches about as deep
+  as it is long;
+- the plane-strain modulus E* of the base over that of the layer.
+
+Contacts also depend on both Poisson's ratios. These are no features, because all rows of a training
+have equal ones: no scene draws them (`LayerKind`).
 """
 
 from __future__ import annotations
@@ -27,7 +32,7 @@ if TYPE_CHECKING:
     from gen.scene import Scene
 
 SAME = 1e-6
-"""Largest relative difference of two numbers of layers that count as equal: room for rounding."""
+"""Two numbers of layers are equal if their relative difference is at most this rounding error."""
 
 Span = tuple[float, float]
 """The smallest and the largest number of a training."""
@@ -53,7 +58,7 @@ class Layers:
 
     @classmethod
     def of_bodies(cls, bodies: Sequence[bem.Layered]) -> Self:
-        """Return the layers of some bodies.
+        """Return the layers of bodies.
 
         Parameters
         ----------
@@ -88,7 +93,8 @@ class Layers:
             The layers of n rows; None if the scene has half-spaces.
         """
         contact = scene.contact
-        body = contact.body({})  # drawn numbers have their smallest value
+        # The smallest values of drawn numbers, which columns of the database replace below.
+        body = contact.body({})
         if body is None or contact.layer is None:
             return None
         thickness: Values | float = body.thickness
@@ -105,7 +111,7 @@ class Layers:
         return self.base_e_star / self.e_star
 
     def repeated(self, number: int) -> Self:
-        """Return the layers with an array for each number.
+        """Repeat numbers that all rows share.
 
         Parameters
         ----------
@@ -130,7 +136,7 @@ def joined_layers(parts: Sequence[Layers | None], sizes: Sequence[int]) -> Layer
     Parameters
     ----------
     parts : sequence of Layers or None
-        Layers of each part; None for all parts, or for none.
+        Layers of each part. They are None for all parts (half-spaces) or for no part.
     sizes : sequence of int
         Number of rows of each part.
 
@@ -174,12 +180,12 @@ class LayerKind:
         Parameters
         ----------
         body : bem.Layered
-            A body.
+            The body.
 
         Returns
         -------
         LayerKind
-            Its Poisson's ratios.
+            Poisson's ratios of the layer and of its base.
         """
         base_poisson: float | None = None
         if isinstance(body.base, bem.HalfSpace):
@@ -210,7 +216,7 @@ class TrainedLayers:
     base_modulus : tuple of float or None
         Smallest and largest Young's modulus of the bases [MPa]; None for rigid ones.
     base_ratio : tuple of float or None
-        Smallest and largest E* of the base over that of the layer; None for rigid bases.
+        Smallest and largest E* of the base over that of the layer [1]; None for rigid bases.
     """
 
     kind: LayerKind
@@ -221,7 +227,7 @@ class TrainedLayers:
 
     @classmethod
     def of_scenes(cls, scenes: Sequence[Scene]) -> Self | None:
-        """Return the layers of some scenes.
+        """Return the layers of scenes.
 
         Parameters
         ----------
@@ -231,7 +237,7 @@ class TrainedLayers:
         Returns
         -------
         TrainedLayers or None
-            Their layers; None for half-spaces.
+            The layers of all scenes; None for half-spaces.
         """
         thicknesses: list[float] = []
         moduli: list[float] = []
@@ -268,7 +274,7 @@ class TrainedLayers:
         Parameters
         ----------
         entry : mapping of str to object
-            What `entry` returns.
+            The layers as the property `entry` writes them.
 
         Returns
         -------
@@ -283,12 +289,12 @@ class TrainedLayers:
         base_poisson = entry["base_poisson"]
         if base_poisson is not None:
             base_poisson = float(base_poisson)
-        low, high = entry["thickness"]
-        least_modulus, largest_modulus = entry["modulus"]
+        thinnest, thickest = entry["thickness"]
+        softest, stiffest = entry["modulus"]
         return cls(
             kind=LayerKind(poisson=float(entry["poisson"]), base_poisson=base_poisson),
-            thickness=(float(low), float(high)),
-            modulus=(float(least_modulus), float(largest_modulus)),
+            thickness=(float(thinnest), float(thickest)),
+            modulus=(float(softest), float(stiffest)),
             base_modulus=_span(entry["base_modulus"] or ()),
             base_ratio=_span(entry["base_ratio"] or ()),
         )
@@ -328,8 +334,8 @@ class TrainedLayers:
     def e_star(self) -> Span:
         """Smallest and largest E* of the layers [MPa]."""
         low, high = self.modulus
-        compressed = 1 - self.kind.poisson**2
-        return low / compressed, high / compressed
+        plane_strain = 1 - self.kind.poisson**2
+        return low / plane_strain, high / plane_strain
 
     @property
     def text(self) -> str:
@@ -346,7 +352,7 @@ class TrainedLayers:
         )
 
     def require_kind(self, body: bem.Layered) -> None:
-        """Refuse a layer whose Poisson's ratios or whose base are of another kind.
+        """Refuse a layer of another kind than that of the training.
 
         Parameters
         ----------
@@ -356,7 +362,8 @@ class TrainedLayers:
         Raises
         ------
         InputError
-            If the surrogate has not learnt this kind.
+            If a Poisson's ratio differs from that of the training, or only one of both bases is
+            rigid.
         """
         kind = LayerKind.of(body)
         if kind != self.kind:
@@ -366,12 +373,12 @@ class TrainedLayers:
             )
 
     def require_only(self, body: bem.Layered) -> None:
-        """Refuse a body that is not that of a training with one layer.
+        """Refuse another body than the only one of a training.
 
         Parameters
         ----------
         body : bem.Layered
-            A body of a prediction, of this kind.
+            A body of a prediction, of the kind of the training, which has one layer on one base.
 
         Raises
         ------
@@ -390,7 +397,7 @@ class TrainedLayers:
 
 
 def _span(numbers: Sequence[float]) -> Span | None:
-    """Return the smallest and the largest of some numbers; None if there are none."""
+    """Return the smallest and the largest number; None if the sequence is empty."""
     if not numbers:
         return None
     return float(min(numbers)), float(max(numbers))

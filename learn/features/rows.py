@@ -119,8 +119,8 @@ class Rows:
         return np.ones(len(self.delta)) * ratio
 
     @property
-    def layers_of_bodies(self) -> Layers:
-        """Layers of n rows; raises InputError for half-spaces."""
+    def required_layers(self) -> Layers:
+        """The layers of the n rows. Raises InputError for half-spaces."""
         if self.layers is None:
             raise InputError("the surrogate was trained on layers: give the layer")
         return self.layers

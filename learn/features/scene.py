@@ -46,7 +46,7 @@ BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})
 # Units of the two numbers for the hardness of a scene; the ratio is over E*.
 HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
 # Units of the numbers of a layer that scenes can draw.
-OF_LAYER: Mapping[str, str] = {LAYER_THICKNESS: "um", LAYER_MODULUS: "MPa"}
+LAYER_NUMBERS: Mapping[str, str] = {LAYER_THICKNESS: "um", LAYER_MODULUS: "MPa"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def unit_of(column: str) -> str:
             units[name] = parameter.unit
     units |= LOADS
     units |= HARDNESSES
-    units |= OF_LAYER
+    units |= LAYER_NUMBERS
     return units.get(plain(column), "1")
 
 
@@ -142,8 +142,8 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
     -------
     dict of str to ndarray, shape (n,)
         Numbers by name: the parameters that the scene draws, Delta [um], force [uN], pressure
-        [MPa], the load that the scene draws, the numbers of a layer and, for bodies that yield,
-        both `HARDNESSES`.
+        [MPa], the load that the scene draws, for bodies with a layer its `LAYER_NUMBERS`, and for
+        bodies that yield both `HARDNESSES`.
     """
     # Each node has a whole cell, also at the border of the patch.
     nominal_area = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))  # [um2]
@@ -318,7 +318,7 @@ def _numbers_of(scenes: Sequence[Scene]) -> list[str]:
     for scene in scenes:
         names += [name for name in scene.drawn_parameters if name not in names]
     if any(scene.contact.layer is not None for scene in scenes):
-        names += OF_LAYER
+        names += LAYER_NUMBERS
     if all(scene.contact.hardness is None for scene in scenes):
         return [*names, "hardness_ratio"]
     return [*names, "hardness"]

@@ -111,13 +111,13 @@ def _plastic(rows: Rows) -> Values:
 
 def _layer_depth(rows: Rows) -> Values:
     """Return the logarithm of the thickness of the layers times the wave number, (n,)."""
-    depth = rows.layers_of_bodies.thickness * rows.wave_number
+    depth = rows.required_layers.thickness * rows.wave_number
     return np.asarray(np.log(depth))
 
 
 def _base_ratio(rows: Rows) -> Values:
     """Return the logarithm of E* of the bases over that of the layers, (n,)."""
-    ratio = np.broadcast_to(rows.layers_of_bodies.base_ratio, len(rows.delta))
+    ratio = np.broadcast_to(rows.required_layers.base_ratio, len(rows.delta))
     return np.asarray(np.log(ratio))
 
 
@@ -263,7 +263,7 @@ class FeatureSet(ABC):
         rows : Rows
             n rows.
         modulus : float or ndarray, shape (n,)
-            E* of rows of half-spaces [MPa]. Rows of layers have their own.
+            E* of half-spaces [MPa]. Rows with layers have the E* of their layers instead.
 
         Returns
         -------
@@ -600,9 +600,10 @@ def _node_columns(scenes: Sequence[Scene]) -> list[str]:
 
 
 def _layer_columns(features: FeatureSet, scenes: Sequence[Scene]) -> list[str]:
-    """Return the columns of layers that a set needs for some scenes; none for half-spaces.
+    """Return the columns of layers that a set needs for scenes; none for half-spaces.
 
-    Sets with units have none. Raises InputError for such a set if the layers of scenes differ.
+    Sets with units have no such columns, and hold for one layer only. Raises InputError for a set
+    with units if the layers of the scenes differ.
     """
     layers = TrainedLayers.of_scenes(scenes)
     if layers is None:

@@ -203,7 +203,8 @@ class CoarseMaterial:
     """Material of the bodies in a coarse solve, in which E* is 1 MPa."""
 
     hardness_ratio: float | None = None  # hardness over E*; None for elastic bodies
-    layer: bem.Layered | None = None  # body with a layer; None for half-spaces
+    # Body with a layer, of which all moduli are over E*; None for half-spaces.
+    layer: bem.Layered | None = None
 
     @classmethod
     def of(cls, hardness_ratio: float | None, body: bem.Layered | None) -> CoarseMaterial:
@@ -228,19 +229,20 @@ class CoarseMaterial:
 
     @property
     def has_full_contact(self) -> bool:
-        """Whether a patch without edges is in full contact from some Delta on.
+        """Whether a patch without edges has a Delta of full contact.
 
-        Then no equilibrium exists beyond this Delta.
+        Beyond this Delta no equilibrium exists. Bodies that yield, or that a mean pressure
+        compresses, have an equilibrium at any Delta.
         """
         if self.hardness_ratio is not None:
             return False
         return self.layer is None or not self.layer.mean_compliance
 
-    def with_thickness_of_at_least(self, least: float) -> CoarseMaterial:
-        """Return the material with a layer of this thickness [um] if its own is smaller."""
-        if self.layer is None or self.layer.thickness >= least:
+    def with_smallest_thickness(self, smallest: float) -> CoarseMaterial:
+        """Return the material with a thinner layer thickened to the smallest thickness [um]."""
+        if self.layer is None or self.layer.thickness >= smallest:
             return self
-        return replace(self, layer=replace(self.layer, thickness=least))
+        return replace(self, layer=replace(self.layer, thickness=smallest))
 
 
 ELASTIC = CoarseMaterial()
@@ -539,8 +541,8 @@ class SurfaceFeatures:
         The load is a depth below the highest block [um] or, with depth None, a nominal pressure
         over E*. A depth of elastic bodies without edges is at most `NEARLY_FULL` times the depth at
         which the blocks are in full contact; larger ones are reduced to this. Bodies that a mean
-        pressure compresses have no such limit. On a free patch, where layers that are much thinner
-        than the blocks cannot be solved, these have the least thickness that can.
+        pressure compresses have no such limit. On a free patch, layers that are too thin for the
+        blocks to be solved are replaced by layers of the smallest thickness that can be solved.
         """
         means = coarse.means
         step_x, step_y = self.spacing
@@ -549,7 +551,7 @@ class SurfaceFeatures:
         # Mean distances of neighbouring blocks, whose sizes may differ by one node.
         steps = (step_x * nodes_x / blocks_x, step_y * nodes_y / blocks_y)
         if self.boundary == "free":
-            material = material.with_thickness_of_at_least(THINNEST * max(steps))
+            material = material.with_smallest_thickness(THINNEST * max(steps))
         elif depth is not None and material.has_full_contact:
             depth_of_full_contact = float(means.max()) - float(means.mean())
             depth = min(depth, NEARLY_FULL * depth_of_full_contact)
@@ -569,7 +571,7 @@ class SurfaceFeatures:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
     def means(self, delta: float, hardness_ratio: float | None = None) -> CoarseMeans:
-        """Return the compliance and the mean yielded depth of the coarse solve at one Delta.
+        """Return compliance and mean yielded depth of a coarse solve of half-spaces at one Delta.
 
         The mean displacement depends little on which single nodes carry the load. For a solve on
         all nodes with the force F it is therefore about compliance * F / (E* L) [um], with the

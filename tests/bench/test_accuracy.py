@@ -62,11 +62,10 @@ def test_maps_that_cannot_be_read_are_named_and_left_out(tmp_path, capsys):
 @pytest.fixture(scope="module")
 def rows():
     with pytest.MonkeyPatch.context() as patch:
-        kept = {name: KINDS[name] for name in ("spheres", "no shortest wave")}
-        patch.setattr(asked, "KINDS", kept)
         patch.setattr(surfaces, "NODES", (64,))
         patch.setattr(surfaces, "FINEST", 200)
-        return asked.asked_and_got(contacts=2, processes=1)
+        kinds = ("spheres", "no shortest wave", "layers")
+        return asked.asked_and_got(contacts=2, kinds=kinds, processes=1)
 
 
 def test_errors_that_were_asked_for_are_got(rows):
