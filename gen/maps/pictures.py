@@ -298,7 +298,7 @@ def plot_surface(
 
 
 def plot_joined(figure: Any, joined: JoinedSpectrum, picture: Path) -> None:
-    """Draw a joined spectrum, with the spectrum of each scan and the waves that it knows.
+    """Draw a joined spectrum and the spectrum of each scan, thick at the waves that the scan knows.
 
     The picture is written to a file. An existing file is replaced.
 

@@ -571,7 +571,7 @@ class SurfaceFeatures:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
     def means(self, delta: float, hardness_ratio: float | None = None) -> CoarseMeans:
-        """Return the compliance and the mean yielded depth of the coarse solve at one Delta.
+        """Return compliance and mean yielded depth of a coarse solve of half-spaces at one Delta.
 
         The mean displacement depends little on which single nodes carry the load. For a solve on
         all nodes with the force F it is therefore about compliance * F / (E* L) [um], with the

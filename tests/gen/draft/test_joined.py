@@ -37,7 +37,7 @@ def made(population):
 
 
 def test_surfaces_have_the_roughness_of_the_surface_that_was_scanned(made):
-    """Its rms height, of waves that the fine scan has not, and its rms slope, of short ones.
+    """The rms height comes from long waves that the fine scan lacks, the rms slope from short ones.
 
     Over six seeds of the surface the ratios are 0.88 to 1.09 and 0.97 to 1.04.
     """
@@ -47,7 +47,7 @@ def test_surfaces_have_the_roughness_of_the_surface_that_was_scanned(made):
 
 
 def test_surfaces_have_the_joined_spectrum(joined, made):
-    """Within a tenth in all bins of 30 and more waves: their moduli have no chance."""
+    """Within a tenth in all bins of more than 30 waves, because amplitudes are not random."""
     sides = (float(len(made)), float(len(made)))
     periodic = Topography("made", made, sides, boundary="periodic")
     ends = np.append(joined.spectrum.edges[:, 0], joined.spectrum.edges[-1, 1])
@@ -56,12 +56,12 @@ def test_surfaces_have_the_joined_spectrum(joined, made):
         waves.wavenumbers, joined.spectrum.wavenumbers, joined.spectrum.density
     )
     ratios = waves.density / expected
-    many = waves.waves > 30
-    assert many.sum() > 12
-    np.testing.assert_allclose(ratios[many], 1.0, atol=0.1)
+    well_filled = waves.waves > 30
+    assert well_filled.sum() > 12
+    np.testing.assert_allclose(ratios[well_filled], 1.0, atol=0.1)
 
 
-def test_the_population_names_all_scans_and_how_they_were_prepared(population):
+def test_the_population_names_all_scans_and_has_the_finest_spacing(population):
     assert [of.name for of in population.maps] == ["coarse", "middle", "fine"]
     assert population.spacing == (1.0, 1.0)
     assert population.nodes == (320, 320)

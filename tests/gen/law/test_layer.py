@@ -39,8 +39,12 @@ FOR_PROGRAMS = [
 def bodies(thickness=THICKNESS, material=RUBBER, base=STEEL):
     """Bodies with a layer on an elastic base, or on a rigid one, which is None."""
     layer = Layer(thickness, material, on_rigid=base is None)
-    below = ([], []) if base is None else ([base.young], [base.poisson])
-    return Bodies.with_layer(layer, *below, None, None)
+    young = []
+    poisson = []
+    if base is not None:
+        young = [base.young]
+        poisson = [base.poisson]
+    return Bodies.with_layer(layer, young, poisson, e_star=None, hardness=None)
 
 
 @pytest.fixture

@@ -11,15 +11,15 @@ from gen.maps.prepare import despiked, prepare
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
 
-SOME = [made for made in MAPS if made.number in {2, 3}]
+TWO_MAPS = [made for made in MAPS if made.number in {2, 3}]
 
 
 @pytest.mark.long
 def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
-    maps = [measured(made) for made in SOME]
+    maps = [measured(made) for made in TWO_MAPS]
     threshold = common_threshold([find_spikes(heights) for heights in maps])
     assert threshold is not None
-    for made, heights in zip(SOME, maps, strict=True):
+    for made, heights in zip(TWO_MAPS, maps, strict=True):
         clear = despiked(Topography("map", heights, (1.0, 1.0)), threshold)
         moved = (clear.heights != heights) & ~np.isnan(heights)
         assert np.count_nonzero(moved) == made.faults.spikes
@@ -68,15 +68,15 @@ def test_steps_are_chosen_for_spikes_form_and_holes():
 
 def test_steps_of_the_user_overrule_those_that_are_chosen():
     needs = MapNeeds.of(rough_map())
-    given = Reading(despike=9.0, level="mean")
-    assert with_needed_steps(given, [needs]) == given
+    settings = Reading(despike=9.0, level="mean")
+    assert with_needed_steps(settings, [needs]) == settings
     assert with_needed_steps(Reading(form=3), [needs]) == Reading(form=3)
 
 
 @pytest.mark.parametrize("heights", [np.ones((9, 9)), np.eye(3), np.eye(2)])
 def test_flat_and_tiny_maps_are_prepared(heights):
-    made = prepare(Topography("map", heights, (1.0, 1.0)), Reading(prepare=True))
-    assert np.isfinite(made.heights).all()
+    prepared = prepare(Topography("map", heights, (1.0, 1.0)), Reading(prepare=True))
+    assert np.isfinite(prepared.heights).all()
 
 
 def test_prepare_takes_the_steps_that_a_scene_of_the_map_names(faulty, capsys):

@@ -54,6 +54,10 @@ poisson = 0.25"""
 FIXED = "thickness = 5.0\nmodulus = 50.0\npoisson = 0.25"
 BODY = bem.Layered(5.0, 50.0, 0.25, bem.HalfSpace(200.0, 0.3))
 SIDE = 48.0
+OPTIONS_OF_BODY = [
+    *("--layer-thickness", "5", "--layer-young", "50", "--layer-poisson", "0.25"),
+    *("--young", "200", "--poisson", "0.3"),
+]
 NEW_LAYER = ["--layer-thickness", "5", "--layer-young", "9"]
 
 
@@ -64,13 +68,13 @@ def scene_of(layer, contact=STEEL, samples=40):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A folder with databases of drawn layers and of one layer, and a surrogate of each."""
-    made = tmp_path_factory.mktemp("layers")
+    directory = tmp_path_factory.mktemp("layers")
     for name, layer in {"drawn": DRAWN, "fixed": FIXED}.items():
-        database = str(database_of(made, scene_of(layer), name))
-        file = str(made / f"{name}.surrogate")
+        database = str(database_of(directory, scene_of(layer), name))
+        file = str(directory / f"{name}.surrogate")
         line = ["fit", database, "--features", "dimensionless", "--load", "pressure"]
         assert learn_cli.main([*line, "--target", "area,delta", "-o", file]) == 0
-    return made
+    return directory
 
 
 @pytest.fixture(scope="module")
@@ -202,9 +206,9 @@ def test_a_compressed_layer_has_an_equilibrium_at_any_delta(heights):
 
 
 def test_a_surrogate_of_one_layer_answers_for_it_unless_another_is_given(fixed, heights):
-    own = fixed.predict(heights, SIDE, pressure=5.0)
-    named = fixed.predict(heights, SIDE, pressure=5.0, body=BODY)
-    assert named.area == own.area
+    by_default = fixed.predict(heights, SIDE, pressure=5.0)
+    with_body = fixed.predict(heights, SIDE, pressure=5.0, body=BODY)
+    assert with_body.area == by_default.area
     thick = fixed.predict(heights, SIDE, pressure=5.0, body=replace(BODY, thickness=50.0))
     assert f"{LAYER_DEPTH} " in thick.reasons[0]
     stiff = replace(BODY, base=bem.HalfSpace(400.0, 0.3))
@@ -242,9 +246,7 @@ def test_questions_without_a_layer_of_the_kind_are_one_line(
 
 def test_the_command_line_answers_for_a_layer(drawn, folder, question, heights, tmp_path):
     table = tmp_path / "answers.csv"
-    layer = ["--layer-thickness", "5", "--layer-young", "50", "--layer-poisson", "0.25"]
-    below = ["--young", "200", "--poisson", "0.3"]
-    line = ["predict", str(folder / "drawn.surrogate"), *question, *layer, *below]
+    line = ["predict", str(folder / "drawn.surrogate"), *question, *OPTIONS_OF_BODY]
     assert learn_cli.main([*line, "-o", str(table)]) == 0
     answers = np.genfromtxt(table, names=True, delimiter=",", dtype=None, encoding=None)
     in_python = drawn.predict(heights, SIDE, pressure=5.0, body=BODY)
@@ -327,9 +329,7 @@ def test_databases_of_layers_are_learnt_together_if_their_kinds_are_alike(folder
 
 def test_laws_are_those_of_a_given_layer(drawn, folder, question, heights, tmp_path):
     table = tmp_path / "law.csv"
-    layer = ["--layer-thickness", "5", "--layer-young", "50", "--layer-poisson", "0.25"]
-    below = ["--young", "200", "--poisson", "0.3"]
-    words = [*question[:3], "--pressure", "2,5,8", *layer, *below]
+    words = [*question[:3], "--pressure", "2,5,8", *OPTIONS_OF_BODY]
     line = ["law", str(folder / "drawn.surrogate"), *words, "--csv", str(table)]
     assert learn_cli.main(line) == 0
     law = pd.read_csv(table)
@@ -339,7 +339,7 @@ def test_laws_are_those_of_a_given_layer(drawn, folder, question, heights, tmp_p
 
 
 def without_layers(monkeypatch):
-    """Let features and coarse solves be those of half-spaces, as if nothing told the layer."""
+    """Compute features and coarse solves as on half-spaces, so that no model sees the layer."""
     monkeypatch.setattr(sets, "_layer_columns", lambda *_: [])
     monkeypatch.setattr(
         CoarseMaterial, "of", lambda hardness_ratio, _: CoarseMaterial(hardness_ratio)
