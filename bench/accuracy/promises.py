@@ -40,7 +40,7 @@ def promises(
     -------
     list of Row
         A row for each promise: its words, its bounds, the measured value, the number of contacts,
-        kinds, solvers or maps behind the value, and whether the promise is kept. Promises without
+        kinds, surfaces or maps behind the value, and whether the promise is kept. Promises without
         measurements are left out.
     """
     return [

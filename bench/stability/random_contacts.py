@@ -86,14 +86,14 @@ class _DrawnSurface:
 
 
 def _draw_surface(
-    random: Random, *, fewest: int, most: int, largest_aspect: float
+    random: Random, *, fewest: int, most_nodes: int, largest_aspect: float
 ) -> _DrawnSurface:
-    """Draw a surface of a random kind, with `fewest` to `most` nodes a side.
+    """Draw a surface of a random kind, with `fewest` to `most_nodes` nodes a side.
 
     Half of the surfaces have square cells. The aspect of the others is log-uniform between
     `largest_aspect` and its inverse.
     """
-    rows, columns = random.integers(fewest, most + 1, 2)
+    rows, columns = random.integers(fewest, most_nodes + 1, 2)
     kinds = list(surfaces.SURFACES.values())
     kind = random.integers(len(kinds))
     heights = kinds[kind](random, (int(rows), int(columns)))
@@ -216,8 +216,8 @@ def yielding_problem(seed: int) -> Setup:
         The problem, with E* = 1 MPa and a first side of a cell of 1 um.
     """
     random = np.random.default_rng((YIELDING_SEED, seed))
-    most = _most_nodes(seed, rare=33, seldom=20, usual=12)
-    surface = _draw_surface(random, fewest=2, most=most, largest_aspect=100.0)
+    most_nodes = _most_nodes(seed, rare=33, seldom=20, usual=12)
+    surface = _draw_surface(random, fewest=2, most_nodes=most_nodes, largest_aspect=100.0)
     heights = surface.heights
     aspect = surface.aspect
     kernel: Kernel = "uniform-pressure"
@@ -388,7 +388,7 @@ def edgeless() -> Iterator[Case]:
     )
 
 
-def edgeless_problem(seed: int, most: int | None = None) -> Setup:
+def edgeless_problem(seed: int, most_nodes: int | None = None) -> Setup:
     """Draw a problem without edges: its boundary, grid, cells, surface, modulus, load and hardness.
 
     The load is a mean pressure, a force or a displacement. Pressure and force are log-uniform, from
@@ -400,7 +400,7 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
     ----------
     seed : int
         Seed of the problem.
-    most : int, optional
+    most_nodes : int, optional
         Largest number of nodes a side; by default it depends on the seed.
 
     Returns
@@ -409,9 +409,9 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
         The problem, with a first side of a cell of 1 um.
     """
     random = np.random.default_rng((EDGELESS_SEED, seed))
-    if most is None:
-        most = _most_nodes(seed, rare=24, seldom=16, usual=10)
-    surface = _draw_surface(random, fewest=1, most=most, largest_aspect=30.0)
+    if most_nodes is None:
+        most_nodes = _most_nodes(seed, rare=24, seldom=16, usual=10)
+    surface = _draw_surface(random, fewest=1, most_nodes=most_nodes, largest_aspect=30.0)
     # Another order of the draws below would change the problem of each seed.
     boundary: Boundary = "mirror" if random.random() < 0.5 else "periodic"
     modulus = 1.0

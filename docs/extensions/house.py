@@ -22,8 +22,8 @@ def rooms(package: str, _: list[str], __: Path) -> str:
     lines = ["| where | files | lines | what for |", "|---|---|---|---|"]
     for room in sorted(home.rglob("__init__.py")):
         folder, files = room.parent, list(room.parent.glob("*.py"))
-        said = ast.get_docstring(ast.parse(room.read_text("utf-8"))) or ""
-        about = " ".join(said.partition("\n\n")[0].split())
+        docstring = ast.get_docstring(ast.parse(room.read_text("utf-8"))) or ""
+        about = " ".join(docstring.partition("\n\n")[0].split())
         count = sum(len(path.read_text("utf-8").splitlines()) for path in files)
         where = folder.name
         lines.append(f"| `{where}/` | {len(files)} | {count:,} | {about} |")
@@ -64,9 +64,12 @@ def drawn(modules: list[tuple[str, str, int]]) -> Figure:
         x, y = STEP * level, -ROW * (row + 0.5)
         places[module] = x, y
         if by:
-            left, top = places[by]
+            x_above, y_above = places[by]
             axes.plot(
-                [left + 0.08, left + 0.08, x], [top - 0.07, y, y], color="0.7", lw=0.8
+                [x_above + 0.08, x_above + 0.08, x],
+                [y_above - 0.07, y, y],
+                color="0.7",
+                lw=0.8,
             )
         colour = COLOURS[module.partition("/")[0]]
         axes.plot(x + 0.08, y, "s", color=colour, ms=5)

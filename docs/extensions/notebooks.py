@@ -23,7 +23,9 @@ def notebook(name: str, _: list[str], page: Path) -> str:
         parts.append(f"```python\n{source}\n```")
         outputs = cell["outputs"]
         printed = "".join(
-            "".join(each["text"]) for each in outputs if each.get("name") == "stdout"
+            "".join(output["text"])
+            for output in outputs
+            if output.get("name") == "stdout"
         )
         if printed:
             parts.append(f"```text\n{COLOUR.sub('', printed).rstrip()}\n```")

@@ -52,8 +52,8 @@ def fill(app: Sphinx, document: str, source: list[str]) -> None:
     """Put the tables and reports of a page in the place of the blocks that name them."""
     folder = Path(app.env.doc2path(document)).parent
 
-    def filled(found: re.Match[str]) -> str:
-        kind, name, listed = found.groups()
+    def filled(block: re.Match[str]) -> str:
+        kind, name, listed = block.groups()
         for path in listed.split():
             if not (ROOT / path).exists():
                 raise ValueError(f"{document}: {path} is not there")

@@ -29,8 +29,8 @@ def table(name: str) -> list[Row]:
 
 def scores(comparison: str) -> dict[tuple[str, str], Row]:
     """Read the scores of a comparison by model and result."""
-    found = table(f"{comparison}/area/scores.csv")
-    return {(row["model"], row["result"]): row for row in found}
+    rows = table(f"{comparison}/area/scores.csv")
+    return {(row["model"], row["result"]): row for row in rows}
 
 
 def cells(row: Row, *names: str) -> str:
@@ -52,10 +52,11 @@ WORDS = {"tuned": ", tuned", "baseline": "", "library": ", its library's own"}
 
 def models() -> list[str]:
     """Scores of the nine models beside the paper's Table 4."""
-    found = scores("comparison")
+    rows = scores("comparison")
     lines = []
     for model, result in product(MODELS, KINDS):
-        if (row := found.get((model, result))) is None:
+        row = rows.get((model, result))
+        if row is None:
             continue
         words = WORDS[result]
         if result == "baseline" and model in LIBRARY:
@@ -72,7 +73,7 @@ def beside_the_papers(row: Row) -> str:
 
 def searched() -> list[str]:
     """Scores of the winners of the search of all nine grids, with the candidates that it judged."""
-    found = scores("search")
+    rows_of_scores = scores("search")
     lines = []
     for row in table("search/area/tuning.csv"):
         model = row["model"]
@@ -80,7 +81,7 @@ def searched() -> list[str]:
         judged = (
             f"{int(row['candidates_scored']):,} of {int(row['candidates_differing']):,}"
         )
-        winner = found[model, "tuned"]
+        winner = rows_of_scores[model, "tuned"]
         r2 = cells(winner, "r2", "paper_r2")
         nmae = cells(winner, "nmae", "paper_nmae")
         lines.append(f"| {title} | {judged} | {row['winner']} | {nmae} | {r2} |")
@@ -89,21 +90,25 @@ def searched() -> list[str]:
 
 def hybrid() -> list[str]:
     """Baselines with the paper's features and with hybrid ones."""
-    paper, other = scores("comparison"), scores("comparison-hybrid")
+    of_paper = scores("comparison")
+    of_hybrid = scores("comparison-hybrid")
     return [
-        f"| {MODELS[model].title} | {pair(paper[model, 'baseline'], 'nmse', 'r2')}"
-        f" | {pair(other[model, 'baseline'], 'nmse', 'r2')} |"
+        f"| {MODELS[model].title} | {pair(of_paper[model, 'baseline'], 'nmse', 'r2')}"
+        f" | {pair(of_hybrid[model, 'baseline'], 'nmse', 'r2')} |"
         for model in MODELS
     ]
 
 
 def surrogates() -> list[str]:
     """R2 and nMAE of each feature set where it was not trained."""
-    found: dict[str, list[str]] = {}
+    cells_by_case: dict[str, list[str]] = {}
     for row in table("generalisation/generalisation.csv"):
         if "same heights" not in row["tested_on"]:
-            found.setdefault(row["tested_on"], []).append(pair(row, "r2", "nmae"))
-    return [f"| {' | '.join([name, *columns])} |" for name, columns in found.items()]
+            of_case = cells_by_case.setdefault(row["tested_on"], [])
+            of_case.append(pair(row, "r2", "nmae"))
+    return [
+        f"| {' | '.join([case, *columns])} |" for case, columns in cells_by_case.items()
+    ]
 
 
 SOLVERS = {
@@ -123,23 +128,25 @@ SOLVERS = {
 
 def peers() -> list[str]:
     """Smallest and largest ratio over the displacements, of the faster of several variants."""
-    found: dict[tuple[str, str], dict[str, float]] = {}
+    ratios_by_solver: dict[tuple[str, str], dict[str, float]] = {}
     for row in table("peers/peers.csv"):
         if row["times_ours"] and row["hurst"] == "0.65":
-            ratios = found.setdefault((row["solver"], row["nodes"]), {})
+            ratios = ratios_by_solver.setdefault((row["solver"], row["nodes"]), {})
             ratios[row["delta_um"]] = float(row["times_ours"])
 
     def ends(names: tuple[str, ...], nodes: str) -> str:
-        each = [found[name, nodes] for name in names]
-        best = [
-            min(ratios[delta] for ratios in each if delta in ratios) for delta in each[0]
+        of_variants = [ratios_by_solver[name, nodes] for name in names]
+        fastest = [
+            min(ratios[delta] for ratios in of_variants if delta in ratios)
+            for delta in of_variants[0]
         ]
         low, high = (
-            f"{each:.{2 if each < 100 else 3}g}" for each in (min(best), max(best))
+            f"{ratio:.{2 if ratio < 100 else 3}g}"
+            for ratio in (min(fastest), max(fastest))
         )
-        return low if len(best) == 1 else f"{low} to {high}"
+        return low if len(fastest) == 1 else f"{low} to {high}"
 
-    sizes = sorted({nodes for _, nodes in found}, key=int)
+    sizes = sorted({nodes for _, nodes in ratios_by_solver}, key=int)
     return [
         f"| {title} | {' | '.join(ends(names, nodes) for nodes in sizes)} |"
         for title, names in SOLVERS.items()
@@ -149,22 +156,22 @@ def peers() -> list[str]:
 def cost() -> list[str]:
     """From how many contacts on a surrogate pays, and how much cheaper its answers are."""
     rows = [row for row in table("cost/cost.csv") if row["solver"] == "ours"]
-    found = {(row["asked"], row["features"]): row for row in rows}
+    row_by_question = {(row["asked"], row["features"]): row for row in rows}
     times = {row["model"]: row for row in table("comparison/area/tuning-times.csv")}
     search = float(times["kernel-ridge"]["fit_seconds"])
 
-    def line(title: str, asked: str, text: Callable[[Row], str]) -> str:
-        columns = [text(found[asked, features]) for features in FEATURES]
+    def line(title: str, question: str, text: Callable[[Row], str]) -> str:
+        columns = [text(row_by_question[question, features]) for features in FEATURES]
         return f"| {title} | {' | '.join(columns)} |"
 
-    def paid(row: Row) -> str:
+    def contacts_for_search(row: Row) -> str:
         saved = float(row["solve"]) - float(row["query"])
         return f"{search / saved:,.0f}" if row["features"] == "paper" else "not searched"
 
-    def searched(row: Row) -> str:
+    def contacts_with_search(row: Row) -> str:
         saved = float(row["solve"]) - float(row["query"])
-        even = float(row["break_even"]) + search / saved
-        return f"{even:,.0f}" if row["features"] == "paper" else "not searched"
+        contacts = float(row["break_even"]) + search / saved
+        return f"{contacts:,.0f}" if row["features"] == "paper" else "not searched"
 
     def cheaper(row: Row) -> str:
         return f"{float(row['solve']) / float(row['query']):.3g}"
@@ -173,10 +180,14 @@ def cost() -> list[str]:
         line(
             "with the settings that come with the program, pays from so many contacts on",
             "new surfaces",
-            lambda r: f"{int(r['break_even']):,}",
+            lambda row: f"{int(row['break_even']):,}",
         ),
-        line("with a search for settings", "new surfaces", searched),
-        line("contacts that pay for the search alone", "new surfaces", paid),
+        line("with a search for settings", "new surfaces", contacts_with_search),
+        line(
+            "contacts that pay for the search alone",
+            "new surfaces",
+            contacts_for_search,
+        ),
         line(
             "an answer, with its statistics, is cheaper than a solve, times",
             "new surfaces",
@@ -209,11 +220,12 @@ def scans() -> list[str]:
 
 def growths() -> list[str]:
     """Growths to an error: rows and looks, what is promised, and the truth on fresh rows."""
-    found: dict[tuple[str, str], dict[str, Row]] = {}
+    rows_by_growth: dict[tuple[str, str], dict[str, Row]] = {}
     for row in table("grow/grow.csv"):
-        found.setdefault((row["population"], row["seed"]), {})[row["target"]] = row
+        of_growth = rows_by_growth.setdefault((row["population"], row["seed"]), {})
+        of_growth[row["target"]] = row
     lines = []
-    for (population, seed), targets in found.items():
+    for (population, seed), targets in rows_by_growth.items():
         first = targets["area"]
         columns = [
             f"{population}, seed {seed}",
@@ -236,15 +248,15 @@ def exponents() -> list[str]:
         line = lines.setdefault((row["generator"], row["nodes"]), [])
         line.append(f"{float(row['hurst']):.2f} ± {float(row['deviation']):.2f}")
     return [
-        f"| `{generator}` | {nodes} | {' | '.join(found)} |"
-        for (generator, nodes), found in lines.items()
+        f"| `{generator}` | {nodes} | {' | '.join(columns)} |"
+        for (generator, nodes), columns in lines.items()
     ]
 
 
 def asked() -> list[str]:
     """Return what is asked and what is measured, as at the top of the page."""
-    found = answers(PARTS, Inputs(RESULTS, None, None, full=True))
-    return [f"| {each.question} | {each.answer} |" for each in found]
+    lines_of_page = answers(PARTS, Inputs(RESULTS, None, None, full=True))
+    return [f"| {line.question} | {line.answer} |" for line in lines_of_page]
 
 
 def speed() -> list[str]:
@@ -263,27 +275,26 @@ def in_short(times: Sequence[Row], growth: Sequence[Row]) -> list[tuple[str, str
     Takes the rows of `times.csv` and of the table of `bench growth`; returns for each quantity its
     name, its median time with the spread of the middle half, and a ratio in words.
     """
-    found = {(row["case"], row["size"]): row for row in times}
+    row_by_case = {(row["case"], row["size"]): row for row in times}
 
-    def time(case: str, size: str = "paper", of: int = 1) -> str:
-        middle, spread = (
-            float(found[case, size][f"{e}_ms"]) / of for e in ("median", "spread")
-        )
-        return f"{middle:.2g} ms ± {spread:.1g}"
+    def time(case: str, size: str = "paper", solves: int = 1) -> str:
+        row = row_by_case[case, size]
+        median = float(row["median_ms"]) / solves
+        spread = float(row["spread_ms"]) / solves
+        return f"{median:.2g} ms ± {spread:.1g}"
 
     def ratio(case: str, name: str) -> str:
-        (value,) = re.findall(rf"{name} (\S+?)(?:;|$)", found[case, ""]["more"])
+        (value,) = re.findall(rf"{name} (\S+?)(?:;|$)", row_by_case[case, ""]["more"])
         return f"{float(value):.2g}"
 
-    tight, default, force = (
-        "solve paper: 1e-06",
-        "solve paper: 2e-07",
-        "solve given force: force",
-    )
-    few, alone = "solve few in contact: 129-1.0", "time_over_iterations_alone"
+    loose = "solve paper: 1e-06"
+    default = "solve paper: 2e-07"
+    force = "solve given force: force"
+    few = "solve few in contact: 129-1.0"
+    alone = "time_over_iterations_alone"
     bare = [
-        f"{ratio(e, 'bare_convolutions_per_solve')} bare convolutions' time"
-        for e in (tight, default)
+        f"{ratio(case, 'bare_convolutions_per_solve')} bare convolutions' time"
+        for case in (loose, default)
     ]
     rungs = [
         ratio(f"solve ladder: {many}", "time_over_single_solves") for many in (161, 9, 41)
@@ -295,7 +306,7 @@ def in_short(times: Sequence[Row], growth: Sequence[Row]) -> list[tuple[str, str
         "contact solve, mean over the first 64 rows of `paper`, residual 1e-6 of Delta"
     )
     return [
-        (first, time(tight, "", SOLVES), bare[0]),
+        (first, time(loose, "", SOLVES), bare[0]),
         ("the same at the default residual, 2e-7", time(default, "", SOLVES), bare[1]),
         (
             "the first 16 by their force instead of Delta",
