@@ -161,7 +161,10 @@ class LikeMaps:
 
     @property
     def median_rms_height(self) -> float:
-        """Median of the rms heights of the maps [um]: the population's, unless scans are joined."""
+        """Median of the rms heights of the maps [um].
+
+        It is the rms height of a population that is fitted to maps of one kind.
+        """
         return float(np.median([source.rms_height for source in self.population.maps]))
 
 
@@ -331,7 +334,7 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     """Fit a population to maps of one kind.
 
     The heights of each map are divided by its rms height. The rms height of the population is the
-    median of those of the maps.
+    median of the maps' rms heights.
 
     Parameters
     ----------
@@ -368,6 +371,11 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     grid = WaveGrid(shape=shape, spacing=spacing)
     curve = HeightCurve.of(textures)
     target = _target_spectrum(textures, grid).with_variance(curve.variance)
+    imperfections = tuple(
+        _heights_in_rows(imperfection / rms_height_of_map * rms_height)
+        for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
+        for imperfection in separated_map.imperfections
+    )
     population = _population(
         maps=maps,
         preparation=preparation,
@@ -375,24 +383,14 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         target=target,
         curve=curve,
         rms_height=rms_height,
-        imperfections=tuple(
-            _heights_in_rows(imperfection / rms_height_of_map * rms_height)
-            for separated_map, rms_height_of_map in zip(
-                separated, rms_heights, strict=True
-            )
-            for imperfection in separated_map.imperfections
-        ),
+        imperfections=imperfections,
         remarks=(),
     )
-    of_maps = Roughness.of(
-        [
-            heights * (rms_height / rms_height_of_map)
-            for heights, rms_height_of_map in zip(
-                heights_of_maps, rms_heights, strict=True
-            )
-        ],
-        spacing,
-    )
+    scaled_maps = [
+        heights * (rms_height / rms_height_of_map)
+        for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
+    ]
+    of_maps = Roughness.of(scaled_maps, spacing)
     remarks = _remarks_on_roughness(population, shape, of_maps)
     return replace(population, remarks=tuple(remarks))
 
@@ -502,13 +500,13 @@ def _shortest_wave(maps: Sequence[FittedMap]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _TargetSpectrum:
-    """The spectrum that surfaces are to have, as heights over an rms height [1]."""
+    """The spectrum that the heights of surfaces over an rms height are to have."""
 
     grid: WaveGrid
     bands: WaveBands
     logarithms: Values  # logarithms of the density in bands [um^2]
-    # Whether it is a spectrum through a Hann window as long as the period, as periodograms are. The
-    # window leaks power to neighbouring waves.
+    # whether it is a spectrum through a Hann window as long as the period, as periodograms are,
+    # which leaks power to neighbouring waves
     is_windowed: bool
 
     def with_variance(self, variance: float) -> _TargetSpectrum:
@@ -543,7 +541,10 @@ def _target_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _TargetSpec
 def _mean_spectrum(
     textures: Sequence[Heights], grid: WaveGrid, bands: WaveBands
 ) -> BandSpectrum:
-    """Return the mean spectrum of maps in bands; a map has the weight of its waves in the band."""
+    """Return the mean spectrum of maps in bands.
+
+    The weight of a map in a band is the number of its waves there.
+    """
     powers = np.zeros(bands.shape)
     waves = np.zeros(bands.shape)
     for texture in textures:

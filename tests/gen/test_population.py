@@ -23,7 +23,9 @@ def generated(fitted, number=40, shape=(64, 96)):
 
 def test_a_population_is_its_file():
     fitted = population(np.exp)
-    assert Population.parse(fitted.text, "p.json") == fitted
+    parsed = Population.parse(fitted.text, "p.json")
+    assert parsed == fitted
+    assert hash(parsed) == hash(fitted)  # so that a cache finds it
 
 
 @pytest.mark.parametrize(
@@ -109,7 +111,7 @@ PIT = ((-1.0, -2.0), (-3.0, -4.0), (-5.0, -6.0))
 
 
 def pits_of(pitted, shape, period, seed):
-    """What imperfections add to the texture of a surface [um]."""
+    """Return the heights of a surface above its texture [um]."""
     without = replace(pitted, imperfections=())
     with_pits, texture = (
         generate_like(of_kind, shape, period, np.random.default_rng(seed))
@@ -119,7 +121,7 @@ def pits_of(pitted, shape, period, seed):
 
 
 def test_imperfections_are_copied_to_random_places():
-    """As many on a surface as on the map; across the border of the period they go on."""
+    """A period as large as the map has one copy, which may cross the border of the period."""
     pitted = replace(population(), imperfections=(PIT,))
     period = pitted.nodes
     places = set()

@@ -25,7 +25,7 @@ def joined():
 
 @pytest.fixture(scope="module")
 def population(joined):
-    maps = [FittedMap(of.topography, "0" * 64) for of in joined.scans]
+    maps = [FittedMap(scan.topography, "0" * 64) for scan in joined.scans]
     return fit_joined(maps, joined)
 
 
@@ -62,7 +62,7 @@ def test_surfaces_have_the_joined_spectrum(joined, made):
 
 
 def test_the_population_names_all_scans_and_has_the_finest_spacing(population):
-    assert [of.name for of in population.maps] == ["coarse", "middle", "fine"]
+    assert [source.name for source in population.maps] == ["coarse", "middle", "fine"]
     assert population.spacing == (1.0, 1.0)
     assert population.nodes == (320, 320)
 
