@@ -2,8 +2,8 @@
 
 The texture of a surface is a translation field g(u): u is a Gaussian random field with the spectrum
 of the population, and g a rising curve from normal scores to heights [1]_ [2]_. Copies of the maps'
-imperfections, as pits and dust, are added at random places. The population is a record of plain
-numbers in a JSON file, which `gen.draft.populations` fits to maps.
+imperfections (pits, dust and scratches) are added to it at random places. `gen.draft.populations`
+fits a population to maps. Its file is JSON and holds plain numbers.
 
 References
 ----------
@@ -33,7 +33,7 @@ FORMAT: Literal["asperity population 1"] = "asperity population 1"
 """First value of the file of a population: its kind and the number of its layout."""
 
 LARGEST_FILE = 2_000_000
-"""Largest size of the file of a population [bytes]. Most have 10 to 60 kB."""
+"""Largest size of the file of a population [bytes]. Most have 10 to 60 kB without imperfections."""
 
 MOST_BANDS = 200
 """Largest number of bands along an axis. A map of 4,097 nodes has 62."""
@@ -45,8 +45,8 @@ LARGEST_IMPERFECTION = 100_000
 TABULATED = 2001
 # largest position in the table that is below its last entry
 BEFORE_LAST_ENTRY = float(np.nextafter(TABULATED - 1, 0))
-# Largest tabulated score. A share of 1e-15 of all nodes is beyond it, hence none of any surface.
 FURTHEST_SCORE = 8.0
+"""Largest tabulated score. A share of 1e-15 of all nodes is beyond it, so none of a surface is."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Above0 = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -183,7 +183,14 @@ class Population:
         """Heights of each imperfection above the texture [um], each of shape (nx, ny)."""
         return tuple(np.array(imperfection) for imperfection in self.imperfections)
 
-    def number_on(self, period: tuple[int, int]) -> float:
+    def __hash__(self) -> int:
+        """Return a hash of the maps and the curve: one of all numbers would take long.
+
+        A cache looks a population up by its hash for each surface.
+        """
+        return hash((self.maps, self.scores, self.heights))
+
+    def mean_copies_on(self, period: tuple[int, int]) -> float:
         """Return the mean number of copies of each imperfection on a period.
 
         Parameters
@@ -215,14 +222,15 @@ class Population:
         _, heights = tabulated_curve(self.scores, self.heights)
         # The table has equal steps, so that its entries need no search.
         steps_of_a_score = (TABULATED - 1) / (2 * FURTHEST_SCORE)
-        positions = (scores + FURTHEST_SCORE) * steps_of_a_score
+        positions = scores + FURTHEST_SCORE
+        positions *= steps_of_a_score
         np.clip(positions, 0.0, BEFORE_LAST_ENTRY, out=positions)
-        below = positions.astype(np.int32)
+        # `take` is fastest with indices of the size of a pointer that it does not check.
+        below = positions.astype(np.intp)
         positions -= below  # share of the step above the entry
-        heights_below = heights.take(below)
-        rises = np.diff(heights).take(below)
+        rises = np.diff(heights).take(below, mode="clip")
         rises *= positions
-        rises += heights_below
+        rises += heights.take(below, mode="clip")
         return np.asarray(rises)
 
 
@@ -303,8 +311,8 @@ def tabulated_curve(
 ) -> tuple[Values, Heights]:
     """Tabulate the curve from normal scores to heights, for linear interpolation.
 
-    Between the given scores the curve is smooth and rises (piecewise cubic, without overshoot);
-    beyond them it goes on straight.
+    Between the given scores the curve is smooth and rises (piecewise cubic, without overshoot).
+    Beyond them it has the constant mean slope of the first or last interval.
 
     Parameters
     ----------
@@ -316,18 +324,18 @@ def tabulated_curve(
     Returns
     -------
     scores : ndarray, shape (`TABULATED`,)
-        Many normal scores [1].
+        Normal scores of equal steps from -`FURTHEST_SCORE` to `FURTHEST_SCORE` [1].
     heights : ndarray, shape (`TABULATED`,)
-        The heights at them, in the given unit.
+        The heights at these scores, in the unit of the given heights.
     """
     from scipy.interpolate import PchipInterpolator
 
-    known = np.array(scores)
-    heights_there = np.array(heights)
+    knots = np.array(scores)
+    heights_of_knots = np.array(heights)
     places = np.linspace(-FURTHEST_SCORE, FURTHEST_SCORE, TABULATED)
-    inside = np.clip(places, known[0], known[-1])
-    curve = PchipInterpolator(known, heights_there)(inside)
-    slopes = np.diff(heights_there) / np.diff(known)
+    inside = np.clip(places, knots[0], knots[-1])
+    curve = PchipInterpolator(knots, heights_of_knots)(inside)
+    slopes = np.diff(heights_of_knots) / np.diff(knots)
     beyond = places - inside
     curve += beyond * np.where(beyond < 0, slopes[0], slopes[-1])
     return places, curve
@@ -391,10 +399,11 @@ def generate_like(
     waves[-half:, 0] = np.conj(waves[half:0:-1, 0])
     field = np.fft.irfft2(waves, s=period)
     heights = population.heights_of(field[: shape[0], : shape[1]])
-    mean_number = population.number_on(period)
+    mean_copies = population.mean_copies_on(period)
     for imperfection in population.imperfection_heights:
-        number = int(mean_number + random.random())
-        for _ in range(number):
+        # one of the two whole numbers next to the mean, so that copies have this mean
+        copies = int(mean_copies + random.random())
+        for _ in range(copies):
             place = (int(random.integers(period[0])), int(random.integers(period[1])))
             _add_imperfection(heights, imperfection, place, period)
     return heights
@@ -408,8 +417,10 @@ def _add_imperfection(
 ) -> None:
     """Add an imperfection [um] to heights [um], in place.
 
-    Its first node is at the node `place` of a period with the nodes `period`. The heights are the
-    corner of the period at its first node; what is outside of it is left out.
+    The imperfection begins at the node `place` of a period with the nodes `period`, and continues
+    on the other side of the period if it crosses the border. The heights are the corner of the
+    period at its first node; nodes of the imperfection outside of this corner are left out. If
+    several nodes of the imperfection are at one node of the period, the last of them is added.
     """
     nodes_x, nodes_y = (
         (first + np.arange(size)) % size_of_period

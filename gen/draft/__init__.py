@@ -2,9 +2,10 @@
 
 `gen.draft.survey` reads maps and measures their roughness. `gen.draft.proposal` chooses windows of
 the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
-population to maps of one kind, from their spectra by `gen.draft.bands` and without the pits and
-dust of `gen.draft.imperfections`. `gen.draft.judge` compares surfaces with a map by the contact,
-and `gen.draft.writing` writes the scene.
+population to maps of one kind or to scans of one surface: `gen.draft.bands` determines spectra,
+`gen.draft.joined` joins those of scans, `gen.draft.height_curve` fits the distribution of heights,
+and `gen.draft.imperfections` separates pits and dust. `gen.draft.judge` compares surfaces with a
+map by the contact, and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
@@ -105,8 +106,9 @@ def draft(
     Raises
     ------
     InputError
-        If not exactly one of `inputs` and `like` is given, the file cannot be written, no map can
-        be used, or no surfaces can be like the maps `like`.
+        If not exactly one of `inputs` and `like` is given, `generator` or `join` does not suit
+        them, the file cannot be written, no map can be used, or no surfaces can be like the maps
+        `like`.
     """
     if bool(inputs) == bool(like):
         raise InputError(
@@ -180,7 +182,8 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
 def _draft_joined(order: _Order, paths: Sequence[Path]) -> Draft:
     """Write a scene of surfaces with the joined spectrum of scans, and return it.
 
-    The scan with the shortest waves is the judge, whatever its verdict is.
+    The surfaces are compared with the scan with the shortest waves. The scene is written whatever
+    the verdict is; a verdict other than "of its kind" is a remark.
     """
     like = propose_joined(paths, order.reading)
     print_surveys(like.surveys)

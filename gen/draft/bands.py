@@ -305,9 +305,8 @@ def smoothed(spectrum: BandSpectrum) -> Values:
     independent = np.where(spectrum.waves > 0, INDEPENDENT * spectrum.waves, 0.0)
     floor = FLOOR * np.nanmax(spectrum.densities)
     densities = np.where(independent > 0, np.fmax(spectrum.densities, floor), 1.0)
-    at_least_one = np.maximum(
-        independent, INDEPENDENT
-    )  # of one wave, in bands without waves
+    # a band without waves is taken as one of a single wave
+    at_least_one = np.maximum(independent, INDEPENDENT)
     # The mean logarithm of a mean of n exponentially distributed powers is below that of their
     # expectation by log(n) - digamma(n).
     logarithms = np.log(densities) + np.log(at_least_one) - digamma(at_least_one)
@@ -348,7 +347,7 @@ def log_means(spectrum: BandSpectrum) -> Values:
     Returns
     -------
     ndarray, shape of a table over the bands
-        Logarithms of the means [um^4]; 0 in bands without waves, which no round changes.
+        Logarithms of the means [um^4]; 0 in bands without waves.
     """
     densities = np.where(spectrum.waves > 0, spectrum.densities, 1.0)
     return np.asarray(np.log(np.maximum(densities, 1e-300)))
@@ -357,7 +356,8 @@ def log_means(spectrum: BandSpectrum) -> Values:
 def with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
     """Return a spectrum in bands whose means over the waves of each band are the given ones.
 
-    Both differ where the spectrum is interpolated over a sharp bend.
+    The logarithms of a spectrum are interpolated between the middles of bands. At a sharp bend its
+    means differ from its values in the middles.
 
     Parameters
     ----------

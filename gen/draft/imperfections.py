@@ -1,9 +1,9 @@
 """Imperfections of a map: pits, dust and scratches that are no part of its texture.
 
 A few pits can carry half of the mean square slope of a map although a contact hardly touches them.
-If such a slope is spread over the whole surface by a spectrum, the surface is too rough everywhere.
-So the places that are by far the steepest of a map are separated from its texture. They are what
-ISO 8785:1998 calls surface imperfections.
+A spectrum would spread this slope over whole surfaces, which would be too rough everywhere. The
+squares of a map that are by far the steepest are therefore separated from its texture. ISO
+8785:1998 calls them surface imperfections.
 """
 
 from __future__ import annotations
@@ -20,27 +20,28 @@ from gen.maps.outliers import TO_DEVIATION
 from gen.maps.read import Sides
 
 SQUARE = 16  # nodes along each side of the squares whose rms slopes are compared
-FEWEST_SQUARES = 64  # fewer squares do not tell which rms slopes are usual
-# Least rms slope of a square of an imperfection over the median of all squares [1]. Its mean square
-# slope is then nine times the usual one.
+# Fewest squares of a map of which imperfections are separated: the median and the upper quartile of
+# fewer rms slopes are uncertain.
+FEWEST_SQUARES = 64
+# Smallest rms slope of a square with an imperfection over the median of all squares [1]
 STEEPER = 3.0
-# Least distance of the logarithm of this rms slope from the median, in standard deviations. They
-# are estimated from the upper quartile, so that steep squares do not count. Squares of a smooth
-# surface differ much, because each holds a part of a wave; they are no imperfections.
+# Smallest logarithm of this ratio, in standard deviations of the logarithms of all rms slopes. The
+# rms slopes of squares of a smooth surface scatter, because each square holds a part of a wave: a
+# steep one is no imperfection.
 DEVIATIONS = 4.0
-# Largest share of all squares that are imperfections [1]. If there are more, they are the texture.
+# Largest share of all squares that have an imperfection [1]. If more are steep, none has one.
 MOST_SQUARES = 0.05
 MOST_HEIGHTS = 100_000
-"""Largest number of heights of all imperfections of a population: its file holds them."""
+"""Largest number of heights of all imperfections of a population, which its file holds."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeparatedMap:
     """A map whose imperfections are separated from its texture."""
 
-    # heights without the imperfections, whose places are filled harmonically [um], shape (nx, ny)
+    # heights [um], shape (nx, ny); squares with an imperfection are filled harmonically
     texture: Heights
-    # heights of each imperfection above the texture [um], in a rectangle around it
+    # heights of each imperfection above the texture, in a rectangle of nodes around it [um]
     imperfections: tuple[Heights, ...]
 
 
@@ -56,8 +57,8 @@ def separate_imperfections(
     spacing : tuple of float
         Distance of the nodes along x and y [um].
     most_heights : int
-        Largest number of heights of all imperfections together. If there are more, nothing is
-        separated.
+        Largest number of heights in the rectangles of all imperfections together. If there are
+        more, nothing is separated.
 
     Returns
     -------
@@ -86,7 +87,7 @@ def separate_imperfections(
 
 
 def _imperfect_nodes(heights: Heights, spacing: Sides) -> NDArray[np.bool_]:
-    """Return whether each node is in a square that is by far steeper than usual squares."""
+    """Return whether each node is in a square with an imperfection, shape of `heights`."""
     nowhere = np.zeros(heights.shape, dtype=bool)
     edges_x, edges_y = (_edges(nodes) for nodes in heights.shape)
     slopes = _rms_slopes(heights, spacing, edges_x, edges_y)
@@ -95,8 +96,10 @@ def _imperfect_nodes(heights: Heights, spacing: Sides) -> NDArray[np.bool_]:
     median = float(np.median(slopes))
     if median == 0.0:
         return nowhere
-    # distance of the upper quartile of normally distributed numbers from their median
-    deviation = TO_DEVIATION * math.log(float(np.quantile(slopes, 0.75)) / median)
+    # The standard deviation of the logarithms is estimated from the upper quartile, so that a few
+    # steep squares do not change it.
+    upper_quartile = float(np.quantile(slopes, 0.75))
+    deviation = TO_DEVIATION * math.log(upper_quartile / median)
     factor = max(STEEPER, math.exp(DEVIATIONS * deviation))
     is_steep = slopes > factor * median
     if np.mean(is_steep) > MOST_SQUARES:
@@ -106,7 +109,7 @@ def _imperfect_nodes(heights: Heights, spacing: Sides) -> NDArray[np.bool_]:
 
 
 def _edges(nodes: int) -> NDArray[np.int64]:
-    """Return the first node of each square along an axis, and the number of nodes as the last."""
+    """Return the first node of each square along an axis, and after them the number of nodes."""
     squares = max(1, nodes // SQUARE)
     return np.linspace(0, nodes, squares + 1).astype(np.int64)
 
@@ -117,7 +120,10 @@ def _rms_slopes(
     edges_x: NDArray[np.int64],
     edges_y: NDArray[np.int64],
 ) -> Values:
-    """Return the rms slope in each square between the edges, shape (squares, squares) [1]."""
+    """Return the rms slope of each square, shape (squares along x, squares along y) [1].
+
+    `heights` are in um, and the edges along both axes are those of `_edges`.
+    """
     dx, dy = spacing
     squared = np.zeros(heights.shape)
     squared[:-1] += (np.diff(heights, axis=0) / dx) ** 2

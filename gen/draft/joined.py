@@ -1,7 +1,7 @@
 """The directional spectrum of a surface in bands, joined from scans at different magnifications.
 
-It is joined as `gen.maps.joining` joins radial spectra. The scan with the longest waves gives those
-that no scan knows because they are longer, and the one with the shortest waves the shorter ones.
+`gen.maps.joining` determines which waves each scan knows. The densities of longer waves are those
+of the scan with the longest waves, and the densities of shorter waves those of the finest scan.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class JoinedBands:
     grid: WaveGrid  # the waves of the period, at the spacing of the finest scan
     bands: WaveBands
     logarithms: Values  # logarithms of the density in the bands [um^4]
-    longest: float  # longest waves that the scans know [um]
+    longest: float  # longest wave that the scans know [um]
 
     @property
     def rms_height(self) -> float:
@@ -40,7 +40,7 @@ class JoinedBands:
 
     @property
     def remarks(self) -> list[str]:
-        """A sentence if the scans know waves that are longer than the period."""
+        """A list with one sentence if the scans know waves longer than the period, else empty."""
         sides = np.multiply(self.grid.shape, self.grid.spacing)
         period = float(sides.min())
         if self.longest <= period:
@@ -55,7 +55,7 @@ class JoinedBands:
 def join_in_bands(joined: JoinedSpectrum) -> JoinedBands:
     """Join the directional spectra of scans.
 
-    The mean density over all directions is that of the joined radial spectrum.
+    The mean of the result over all directions is the joined radial spectrum.
 
     Parameters
     ----------
@@ -86,17 +86,17 @@ def join_in_bands(joined: JoinedSpectrum) -> JoinedBands:
         weights += weight
     logarithms = weighted / weights
     for _ in range(ROUNDS):
-        lacking = _lacking(joined.spectrum, grid, bands.spread(grid, logarithms))
-        logarithms += lacking.at(wavenumbers)
+        correction = _correction(joined.spectrum, grid, bands.spread(grid, logarithms))
+        logarithms += correction.at(wavenumbers)
     return JoinedBands(grid=grid, bands=bands, logarithms=logarithms, longest=longest)
 
 
 @dataclass(frozen=True, eq=False)
-class _Lacking:
-    """What a spectrum lacks: the logarithm of a factor over the wavenumber."""
+class _RadialCorrection:
+    """A factor by which a directional spectrum is corrected, as a function of the wavenumber."""
 
     wavenumbers: Values  # rising, shape (bins,) [1/um]
-    logarithms: Values  # of the same shape
+    logarithms: Values  # logarithms of the factor at them, shape (bins,)
 
     def at(self, wavenumbers: Values) -> Values:
         """Interpolate the logarithm at wavenumbers [1/um]; beyond the ends it is constant."""
@@ -107,10 +107,12 @@ class _Lacking:
         return np.asarray(logarithms)
 
 
-def _lacking(spectrum: RadialSpectrum, grid: WaveGrid, densities: Values) -> _Lacking:
-    """Compare the mean densities over all directions with those of a joined spectrum.
+def _correction(
+    spectrum: RadialSpectrum, grid: WaveGrid, densities: Values
+) -> _RadialCorrection:
+    """Return the ratio of a radial spectrum to the mean of densities over all directions.
 
-    `densities` are those of all waves of the grid [um^4].
+    The densities are those of all waves of the grid, shape (nx, ny // 2 + 1) [um^4].
     """
     wavenumbers = np.hypot(grid.qx[:, None], grid.qy[None, :])
     first, last = spectrum.edges.T
@@ -120,7 +122,7 @@ def _lacking(spectrum: RadialSpectrum, grid: WaveGrid, densities: Values) -> _La
     sums = np.bincount(bins[inside], densities[inside], first.size)
     occupied = counts > 0
     means = sums[occupied] / counts[occupied]
-    return _Lacking(
+    return _RadialCorrection(
         wavenumbers=spectrum.wavenumbers[occupied],
         logarithms=np.log(spectrum.density[occupied] / means),
     )
@@ -129,8 +131,8 @@ def _lacking(spectrum: RadialSpectrum, grid: WaveGrid, densities: Values) -> _La
 def _weights(joined: JoinedSpectrum, wavenumbers: Values) -> list[Values]:
     """Return the weight of each scan at wavenumbers: its area where it knows the waves, else 0.
 
-    The number of waves between two wavenumbers is proportional to the area of a scan. Waves in a
-    gap between two scans are those of the scan with the shorter waves.
+    The area is the weight, because the number of waves between two wavenumbers is proportional to
+    it. In a gap between two scans, the scan with the shorter waves has its area as weight.
     """
     weights = []
     shortest_before = math.inf  # shortest wave of the scans with longer waves [um]
@@ -151,9 +153,10 @@ def _weights(joined: JoinedSpectrum, wavenumbers: Values) -> list[Values]:
 
 
 def _logarithms_at(scan: ScanSpectrum, qx: Values, qy: Values) -> Values:
-    """Return the logarithms of a scan's smoothed spectrum at bands with these middles [1/um].
+    """Return the logarithms of a scan's smoothed spectrum at other bands than its own [um^4].
 
-    The result has the shape of a table over the bands [um^4].
+    `qx` and `qy` are the middles of these bands [1/um]. The result is a table over them, of the
+    shape (2, bands along x, bands along y).
     """
     topography = scan.topography
     nx, ny = topography.heights.shape
@@ -161,8 +164,9 @@ def _logarithms_at(scan: ScanSpectrum, qx: Values, qy: Values) -> Values:
     bands = WaveBands.of(grid)
     spectrum = bands.means(grid, periodogram(topography.heights, grid))
     logarithms = with_means(bands, grid, smoothed(spectrum))
-    # Components of opposite signs; a component of 0 along x has no sign.
+    # For the two parts of the table: components of equal and of opposite signs.
     along_x = np.concatenate((qx, -qx))
     densities = densities_at(logarithms, bands.middles, along_x, qy)
+    # `densities_at` returns 0 for the mean of heights, whose logarithm would be infinite.
     densities[np.ix_(along_x == 0, qy == 0)] = math.exp(logarithms[0, 0, 0])
     return np.log(densities).reshape(2, qx.size, qy.size)

@@ -21,11 +21,11 @@ from gen.material import Bodies
 from gen.runtime.terminal import RunProgress, echo, print_columns
 from gen.statistics import describe, rms_slope
 
-MADE = 10
+PRESSED_SURFACES = 10
 """Number of surfaces that are pressed beside the map."""
 
 MOST_NODES = 450_000
-"""Largest number of nodes of the map that are pressed; of a larger map they are in its middle."""
+"""Largest number of nodes of the pressed map; of a larger map the middle is pressed."""
 
 LIMIT = 0.15
 """Largest relative difference of area and mean gap between surfaces and a map of their kind."""
@@ -34,18 +34,18 @@ LIMIT = 0.15
 # within 0.08 % of those of the default tolerance, mean gaps within 0.01 %, in 0.7 of the time.
 TOLERANCE = 1e-3
 
-# Largest difference between surfaces and map that their scatter explains, in standard deviations of
-# the surfaces. Within it are 99 % of further surfaces of a population of which ten are known: the
-# quantile 0.995 of Student's distribution with 9 degrees of freedom, times the root of 1 + 1/10. It
-# is 99 % and not 95 %, because several answers are compared.
+# Largest difference between map and mean of the surfaces that their scatter explains, in standard
+# deviations of the surfaces. A further surface of the population is within it with a probability of
+# 99 %: it is the quantile 0.995 of Student's distribution with 9 degrees of freedom, of ten
+# surfaces, times the root of 1 + 1/10. With 95 %, one of several answers would often be beyond it.
 BEYOND_SCATTER = 3.4
 # relative scatter of an answer above which an agreement decides nothing [1]
 WIDE = 0.3
 # approximate shares of the patch in contact under the three pressures [1]
 SHARES = (0.01, 0.05, 0.2)
-# Reach of a feature in a database of a few thousand rows: distance of its ends from its mean, in
-# standard deviations.
-OF_RANGE = 3.5
+# Half of the range of a feature in a database of a few thousand rows, in standard deviations of the
+# feature.
+HALF_RANGE = 3.5
 # number of patches whose features are compared with those of the map's windows
 PATCHES = 20
 
@@ -62,6 +62,9 @@ ANSWERS: Mapping[str, Callable[[Any], float]] = {
 }
 """Functions that read the compared answers off a `bem.Contact`, by the names of the answers."""
 
+Answers = Mapping[str, float]
+"""The answers of `ANSWERS` of one contact, by name; NaN if it has not converged."""
+
 JUDGED = ("area", "mean gap")
 """Answers that decide the verdict."""
 
@@ -75,7 +78,10 @@ class Ratio:
 
     @classmethod
     def of(cls, of_surfaces: Sequence[float], of_map: float) -> Ratio:
-        """Compare the numbers of several surfaces with that of the map, in one unit."""
+        """Compare a number of several surfaces with that of the map, in one unit.
+
+        Both fields are NaN if a number is not finite, or that of the map is 0.
+        """
         values: Values = np.array(of_surfaces)
         mean = float(values.mean())
         if not math.isfinite(mean) or not math.isfinite(of_map) or of_map == 0:
@@ -118,7 +124,7 @@ class Judgement:
 
     @property
     def faults(self) -> list[str]:
-        """Answers off by more than limit and scatter, as "area 0.42 of the map's at 3 MPa"."""
+        """Judged answers beyond limit and scatter, as "area 0.42 of the map's at 3 MPa"."""
         return [
             f"{name} {ratio.mean:.2f} of the map's at {pressure:.3g} MPa"
             for name in JUDGED
@@ -130,8 +136,9 @@ class Judgement:
     def verdict(self) -> Verdict:
         """The verdict on area and mean gap under all pressures.
 
-        An answer beyond the limit is a fault, unless the scatter of the surfaces explains the
-        difference. Then the verdict is undecided, as it is where the scatter is wide.
+        A difference beyond the limit is a fault, unless the scatter of the surfaces explains it.
+        Without a fault, the verdict is undecided if a difference is beyond the limit, or if a
+        scatter is above `WIDE`.
         """
         if self.faults:
             return "not of its kind"
@@ -142,16 +149,16 @@ class Judgement:
 
     @property
     def sentence(self) -> str:
-        """The verdict, and why."""
+        """The verdict and its reason."""
         if self.verdict == "of its kind":
             return "of its kind: area and mean gap are those of the map"
         if self.verdict == "undecided":
-            return f"undecided: within the scatter of the {MADE}, but that is wide"
+            return f"undecided: within the scatter of the {PRESSED_SURFACES}, but that is wide"
         reason = "steps, terraces and the like are no matter of a spectrum"
         return f"not of its kind: {', '.join(self.faults)}; {reason}"
 
     @property
-    def of_ranges(self) -> str:
+    def sentence_on_ranges(self) -> str:
         """A sentence on the feature ranges of a surrogate of the surfaces."""
         if not self.outside:
             return "the features of a surrogate of these surfaces reach the map's"
@@ -193,11 +200,14 @@ def judge_surfaces(
 
     middle = _middle(heights)
     shape = (middle.shape[0], middle.shape[1])
-    surfaces = [make(shape, np.random.default_rng([MADE, seed])) for seed in range(MADE)]
+    surfaces = [
+        make(shape, np.random.default_rng([PRESSED_SURFACES, seed]))
+        for seed in range(PRESSED_SURFACES)
+    ]
     slope = rms_slope(middle, spacing)
     pressures = tuple(float(f"{p:.3g}") for p in _pressures(slope, bodies))
     press = _Press(spacing=spacing, bodies=bodies, pressures=pressures)
-    total = (1 + MADE) * len(pressures)
+    total = (1 + PRESSED_SURFACES) * len(pressures)
     with on_threads(default_threads(cores())), RunProgress(total, noun="contacts") as bar:
         of_map = press.answers(middle, bar)
         of_surfaces = [press.answers(surface, bar) for surface in surfaces]
@@ -228,7 +238,10 @@ def _geometry(
 
 
 def _middle(heights: Heights) -> Heights:
-    """Return the middle of a map, about its mean [um]: at most `MOST_NODES`, in its proportions."""
+    """Return the middle of a map, less its mean [um].
+
+    It has at most `MOST_NODES` nodes, and the proportions of the map.
+    """
     share = min(1.0, math.sqrt(MOST_NODES / heights.size))
     nx, ny = (int(share * nodes) for nodes in heights.shape)
     x = (heights.shape[0] - nx) // 2
@@ -246,10 +259,6 @@ def _pressures(slope: float, bodies: Bodies) -> list[float]:
     return [share * scale for share in SHARES]
 
 
-Answers = Mapping[str, float]
-"""Answers of a contact by their names; NaN if it has not converged."""
-
-
 @dataclass(frozen=True)
 class _Press:
     """The contact of a rigid plane with surfaces that are mirrored at their borders."""
@@ -259,9 +268,10 @@ class _Press:
     pressures: tuple[float, ...]  # rising mean pressures [MPa]
 
     def answers(self, heights: Heights, progress: RunProgress) -> list[Answers]:
-        """Return the answers of a surface [um] under each pressure; tell the progress of each.
+        """Return the answers of a surface [um] under each pressure.
 
-        Each contact is a start for the next one.
+        `progress` advances by one for each contact. The solver starts each contact from earlier
+        ones of the surface.
         """
         import bem
 
@@ -291,7 +301,11 @@ class _Press:
 def _ratios(
     name: str, of_map: Sequence[Answers], of_surfaces: Sequence[Sequence[Answers]]
 ) -> tuple[Ratio, ...]:
-    """Return the ratios of an answer of surfaces to that of the map, one for each pressure."""
+    """Return the ratios of one answer of the surfaces to that of the map, by pressure.
+
+    `of_map` has the answers of the map under each pressure, and `of_surfaces` those of each
+    surface.
+    """
     return tuple(
         Ratio.of([of_surface[step][name] for of_surface in of_surfaces], answers[name])
         for step, answers in enumerate(of_map)
@@ -303,9 +317,9 @@ def _outside(
 ) -> tuple[str, ...]:
     """Return the names of statistics of a map's windows beyond those of many surfaces.
 
-    The windows have `nodes` nodes along each side, as the patches of a scene. Means over all
-    windows are compared. The range follows from the mean and the standard deviation over `PATCHES`
-    surfaces.
+    The windows have `nodes` nodes along each side, as the patches of a scene. A statistic of the
+    map is its mean over all windows. The range of the surfaces is their mean, over `PATCHES` of
+    them, and `HALF_RANGE` standard deviations on both sides of it.
     """
     nx, ny = (min(nodes, side) for side in heights.shape)
     starts_x = range(0, heights.shape[0] - nx + 1, nx)
@@ -321,7 +335,7 @@ def _outside(
         value = float(np.mean([statistics[name] for statistics in of_map]))
         values = np.array([statistics[name] for statistics in of_surfaces])
         distance = abs(value - values.mean())
-        reach = OF_RANGE * values.std(ddof=1)
+        reach = HALF_RANGE * values.std(ddof=1)
         # Equal statistics of all surfaces differ by rounding.
         if distance > max(reach, 1e-6 * abs(value)):
             names.append(name)
@@ -339,7 +353,7 @@ def print_judgement(judgement: Judgement, kind: str) -> None:
         What the surfaces are, as "surfaces of its self-affine law".
     """
     nx, ny = judgement.nodes
-    echo(f"{MADE} {kind} over the map, {nx} x {ny} nodes, mean +- scatter:")
+    echo(f"{PRESSED_SURFACES} {kind} over the map, {nx} x {ny} nodes, mean +- scatter:")
     titles = ["", *(f"{pressure:.3g} MPa" for pressure in judgement.pressures)]
     rows = [
         [name, *(ratio.text for ratio in ratios)]
@@ -348,4 +362,4 @@ def print_judgement(judgement: Judgement, kind: str) -> None:
     rows += [[name, ratio.text, "", ""] for name, ratio in judgement.geometry.items()]
     print_columns(rows, titles, right=titles[1:])
     echo(f"verdict: {judgement.sentence}")
-    echo(judgement.of_ranges)
+    echo(judgement.sentence_on_ranges)

@@ -1,19 +1,20 @@
 """Fit a population to maps: its spectrum, its distribution of heights, and its imperfections.
 
-Imperfections of the maps are separated first, see `gen.draft.imperfections`. What is left is the
-texture, to which a translation field is fitted, see `gen.population`, in this order:
+Imperfections of the maps are separated first, see `gen.draft.imperfections`. A map without its
+imperfections is its texture. A translation field, see `gen.population`, is fitted to the textures
+in three steps:
 
-- The curve from normal scores to heights, from the quantiles of the texture. It is smooth: a curve
-  through all heights would add noise to the short waves.
-- The wanted spectrum of the surfaces. It is that of the texture in bands, with corrections until
-  rms height, rms slopes along both axes and rms curvature are those of the texture.
-- The spectrum of the Gaussian field. The Hermite polynomials of the curve tell how it distorts the
-  autocorrelation of the field [1]_, so that the spectrum of the surfaces is known without making
-  one. In each round the field's spectrum is multiplied in each band by a power of the ratio of the
-  wanted spectrum to that of the surfaces [2]_.
+- The curve from normal scores to heights follows from the textures' heights, see
+  `gen.draft.height_curve`.
+- The target spectrum of the surfaces is that of the textures in bands. It is corrected until rms
+  slopes along both axes and rms curvature, over the rms height, are those of the textures.
+- The spectrum of the Gaussian field follows from both. The Hermite polynomials of the curve
+  determine how it distorts the autocorrelation of the field [1]_, so that the spectrum of the
+  surfaces is computed without making one. In each round the field's spectrum is multiplied in each
+  band by a power of the ratio of the target spectrum to that of the surfaces [2]_.
 
-Not all of these can always be had together. The population records, as remarks, which numbers of
-its surfaces are not those of the maps.
+Some combinations of curve and spectrum are not possible. The population's remarks name the rms
+values of its surfaces that are not those of the maps.
 
 References
 ----------
@@ -45,11 +46,8 @@ from gen.draft.bands import (
     smoothed,
     with_means,
 )
-from gen.draft.imperfections import (
-    MOST_HEIGHTS,
-    SeparatedMap,
-    separate_imperfections,
-)
+from gen.draft.height_curve import HeightCurve
+from gen.draft.imperfections import MOST_HEIGHTS, separate_imperfections
 from gen.draft.joined import join_in_bands
 from gen.draft.likeness import rounded
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
@@ -59,45 +57,32 @@ from gen.maps.joining import JoinedSpectrum, join
 from gen.maps.read import Topography, spacing_text
 from gen.maps.settings import Reading
 from gen.maps.texture import nodes_a_wave, radial_spectrum
-from gen.population import (
-    FORMAT,
-    Population,
-    SourceMap,
-    generate_like,
-    tabulated_curve,
-)
+from gen.population import FORMAT, Population, SourceMap, generate_like
 from gen.runtime.errors import InputError
 from gen.runtime.files import digest
 
 FEWEST_NODES = 16  # nodes along the shorter side of a map to which a population is fitted
 
-# number of normal scores at which the curve of heights is known, without its two ends
-KNOTS = 17
-SPAN = 2.8  # largest of these scores
-# A height of the curve is the mean of this share of all nodes.
-SHARE_OF_A_KNOT = 1 / 200
-
 # Waves with at most about this number of periods on a side of the map are long ones. Their power is
-# known least.
-LONG = 3.0
+# less certain than that of shorter waves, because a map holds few of them.
+PERIODS_OF_LONG = 3.0
 # largest factor by which the power of long waves is corrected
 MOST_FOR_LONG = 4.0
 MOST_FOR_SHORT = 3.0  # largest logarithm of a factor of the shortest waves
 STEEPEST = 3.0  # largest exponent of the wavenumber by which the spectrum is corrected
 MOST_DIRECTIONAL = 6.0  # largest exponent of a factor that differs along x and y
 
-TERMS = 64  # number of Hermite polynomials of the curve of heights
-ROUNDS = 20  # number of corrections of the Gaussian field's spectrum
-STEP = 0.7  # exponent of a correction
-ROUNDS_OF_ROUGHNESS = (
-    3  # number of corrections of the wanted spectrum by the maps' roughness
-)
-# smallest logarithm of a density relative to the largest
-LEAST = -60.0
+ROUNDS_OF_FIELD = 20  # number of corrections of the Gaussian field's spectrum
+DAMPING = 0.7  # exponent of the ratio of spectra in one of these corrections
+CORRELATIONS = 8001  # number of correlations at which the covariance is tabulated
+# number of corrections of the target spectrum by the maps' roughness
+ROUNDS_OF_ROUGHNESS = 3
+# smallest logarithm of a density of the field over the largest one
+SMALLEST_LOGARITHM = -60.0
 
-TRIALS = 4  # number of surfaces that are compared with the maps
+COMPARED = 4  # number of surfaces that are compared with the maps
 # largest relative difference between surfaces and maps without a remark
-GIVES_WAY = 0.1
+WITHOUT_REMARK = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +95,7 @@ class FittedMap:
 
 @dataclass(frozen=True)
 class Roughness:
-    """Numbers of surfaces that a population is to share with its maps."""
+    """Rms values of surfaces, which a population is to share with its maps."""
 
     rms_height: float  # [um]
     slope_x: float  # rms difference quotient along x [1]
@@ -131,7 +116,7 @@ class Roughness:
         Returns
         -------
         Roughness
-            The numbers.
+            The root mean squares.
         """
         dx, dy = spacing
         variances = [surface.var() for surface in surfaces]
@@ -161,7 +146,7 @@ class LikeMaps:
 
     surveys: list[MapSurvey]  # surveys of the prepared maps
     reading: Reading  # how the maps are read and prepared
-    maps: list[FittedMap]
+    maps: list[FittedMap]  # the maps by which the population is judged
     population: Population
     nodes: int  # nodes along each side of the surfaces of a scene
     # the joined spectrum of scans of one surface; None for maps of one kind
@@ -169,14 +154,14 @@ class LikeMaps:
 
     @property
     def scales(self) -> tuple[float, float]:
-        """Smallest and largest rms height of the maps over that of the population [1]."""
+        """Smallest and largest rms height of the maps over their median [1]."""
         rms_heights = [source.rms_height for source in self.population.maps]
         median = self.median_rms_height
         return min(rms_heights) / median, max(rms_heights) / median
 
     @property
     def median_rms_height(self) -> float:
-        """Median of the rms heights of the maps, which is the rms height of the population [um]."""
+        """Median of the rms heights of the maps [um]: the population's, unless scans are joined."""
         return float(np.median([source.rms_height for source in self.population.maps]))
 
 
@@ -206,24 +191,16 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
         require_usable([survey])
     reading = with_chosen_steps(reading, surveys)
     spacing = common_spacing([survey.spacing for survey in surveys])
-    measured = []
-    maps = []
-    for survey in surveys:
-        prepared = measure(survey, reading, spacing)
-        measured.append(prepared.survey)
-        if prepared.topography is None:
-            raise InputError(
-                f"no map can be used: {survey.path}: {prepared.survey.fault}"
-            )
-        maps.append(FittedMap(prepared.topography, digest(survey.path)))
+    prepared = [_prepared(survey, reading, spacing) for survey in surveys]
+    maps = [prepared_map.fitted_map for prepared_map in prepared]
     steps = maps[0].topography.steps
     population = fit_population(maps, "; ".join(steps))
-    lengths = [survey.length for survey in measured if not math.isnan(survey.length)]
+    lengths = _autocorrelation_lengths(prepared)
     length = float(np.median(lengths)) if lengths else math.nan
     shape = _shape(maps[0].topography.heights)
     nodes = nodes_like(shape, length / max(population.spacing))
     return LikeMaps(
-        surveys=measured,
+        surveys=[prepared_map.survey for prepared_map in prepared],
         reading=reading,
         maps=maps,
         population=population,
@@ -245,7 +222,7 @@ def propose_joined(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     Returns
     -------
     LikeMaps
-        The population; the only map, by which it is judged, is the scan with the shortest waves.
+        The population. Its only map in `maps` is the scan with the shortest waves.
 
     Raises
     ------
@@ -255,21 +232,13 @@ def propose_joined(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     scans = []
     for survey in survey_maps(paths, reading):
         require_usable([survey])
-        steps = with_chosen_steps(reading, [survey])
-        prepared = measure(survey, steps)
-        if prepared.topography is None:
-            raise InputError(
-                f"no map can be used: {survey.path}: {prepared.survey.fault}"
-            )
-        fitted_map = FittedMap(prepared.topography, digest(survey.path))
-        scans.append(_Scan(prepared.survey, steps, fitted_map))
+        scans.append(_prepared(survey, with_chosen_steps(reading, [survey])))
     joined = join([scan.fitted_map.topography for scan in scans])
     [finest] = [
         scan for scan in scans if scan.fitted_map.topography is joined.finest.topography
     ]
     population = fit_joined([scan.fitted_map for scan in scans], joined)
-    lengths = [scan.survey.length for scan in scans if not math.isnan(scan.survey.length)]
-    length = max(lengths, default=math.nan)
+    length = max(_autocorrelation_lengths(scans), default=math.nan)
     return LikeMaps(
         surveys=[scan.survey for scan in scans],
         reading=finest.reading,
@@ -281,12 +250,35 @@ def propose_joined(paths: Sequence[Path], reading: Reading) -> LikeMaps:
 
 
 @dataclass(frozen=True, eq=False)
-class _Scan:
-    """A prepared scan."""
+class _PreparedMap:
+    """A map that is prepared for a population."""
 
-    survey: MapSurvey
-    reading: Reading  # how it was read and prepared
+    survey: MapSurvey  # survey of the prepared map
+    reading: Reading  # how the map was read and prepared
     fitted_map: FittedMap
+
+
+def _prepared(
+    survey: MapSurvey, reading: Reading, spacing: float | None = None
+) -> _PreparedMap:
+    """Read and prepare a map; resample it to a spacing [um] if there is one.
+
+    InputError if the prepared map cannot be used.
+    """
+    measured = measure(survey, reading, spacing)
+    if measured.topography is None:
+        raise InputError(f"no map can be used: {survey.path}: {measured.survey.fault}")
+    return _PreparedMap(
+        survey=measured.survey,
+        reading=reading,
+        fitted_map=FittedMap(measured.topography, digest(survey.path)),
+    )
+
+
+def _autocorrelation_lengths(maps: Sequence[_PreparedMap]) -> list[float]:
+    """Return the autocorrelation lengths of the maps of which they are known [um]."""
+    lengths = [prepared_map.survey.length for prepared_map in maps]
+    return [length for length in lengths if not math.isnan(length)]
 
 
 def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
@@ -309,12 +301,12 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
     """
     spectrum = join_in_bands(joined)
     widest = joined.scans[0].topography.heights
-    curve = _HeightCurve.of([(widest - widest.mean()) / widest.std()])
-    wanted = _Wanted(
+    curve = HeightCurve.of([(widest - widest.mean()) / widest.std()])
+    target = _TargetSpectrum(
         grid=spectrum.grid,
         bands=spectrum.bands,
         logarithms=spectrum.logarithms,
-        leaks=False,
+        is_windowed=False,
     ).with_variance(curve.variance)
     finest = joined.finest.topography
     finest_maps = [fitted_map for fitted_map in maps if fitted_map.topography is finest]
@@ -327,7 +319,7 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
         maps=maps,
         preparation=" | ".join(preparations),
         shortest=_shortest_wave(finest_maps),
-        wanted=wanted,
+        target=target,
         curve=curve,
         rms_height=spectrum.rms_height,
         imperfections=(),
@@ -368,27 +360,27 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         separate_imperfections(heights, spacing, most_heights)
         for heights in heights_of_maps
     ]
-    scaled = [
-        _scaled(separated_map, rms_height_of_map)
+    textures = [
+        (separated_map.texture - separated_map.texture.mean()) / rms_height_of_map
         for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
     ]
-    textures = [scaled_map.texture for scaled_map in scaled]
     shape = max((texture.shape for texture in textures), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
-    wanted = _wanted_spectrum(textures, grid)
-    curve = _HeightCurve.of(textures)
-    wanted = wanted.with_variance(curve.variance)
+    curve = HeightCurve.of(textures)
+    target = _target_spectrum(textures, grid).with_variance(curve.variance)
     population = _population(
         maps=maps,
         preparation=preparation,
         shortest=_shortest_wave(maps),
-        wanted=wanted,
+        target=target,
         curve=curve,
         rms_height=rms_height,
         imperfections=tuple(
-            _heights_in_rows(imperfection * rms_height)
-            for scaled_map in scaled
-            for imperfection in scaled_map.imperfections
+            _heights_in_rows(imperfection / rms_height_of_map * rms_height)
+            for separated_map, rms_height_of_map in zip(
+                separated, rms_heights, strict=True
+            )
+            for imperfection in separated_map.imperfections
         ),
         remarks=(),
     )
@@ -401,7 +393,7 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         ],
         spacing,
     )
-    remarks = _what_gives_way(population, shape, of_maps)
+    remarks = _remarks_on_roughness(population, shape, of_maps)
     return replace(population, remarks=tuple(remarks))
 
 
@@ -410,20 +402,20 @@ def _population(
     maps: Sequence[FittedMap],
     preparation: str,
     shortest: float,
-    wanted: _Wanted,
-    curve: _HeightCurve,
+    target: _TargetSpectrum,
+    curve: HeightCurve,
     rms_height: float,
     imperfections: tuple[tuple[tuple[float, ...], ...], ...],
     remarks: tuple[str, ...],
 ) -> Population:
-    """Return the population whose surfaces have a wanted spectrum and curve of heights.
+    """Return the population whose surfaces have a target spectrum and a curve of heights.
 
-    Lengths are in um. `rms_height` is that of the maps over which `wanted` and `curve` have no
-    unit.
+    Heights of `target` and `curve` have no unit; times `rms_height` [um] they are in um. `shortest`
+    is the shortest wavelength that carries roughness [um], and imperfections are in um.
     """
-    field = _spectrum_of_field(wanted, curve)
-    bands_x, bands_y = wanted.bands.middles
-    dx, dy = wanted.grid.spacing
+    field = _spectrum_of_field(target, curve)
+    bands_x, bands_y = target.bands.middles
+    dx, dy = target.grid.spacing
     return Population(
         format=FORMAT,
         maps=tuple(
@@ -479,17 +471,6 @@ def _shape(heights: Heights) -> tuple[int, int]:
     return nx, ny
 
 
-def _scaled(separated: SeparatedMap, rms_height: float) -> SeparatedMap:
-    """Return a map over its rms height [um], with its texture about the mean of the texture [1]."""
-    texture = separated.texture - separated.texture.mean()
-    return SeparatedMap(
-        texture=texture / rms_height,
-        imperfections=tuple(
-            imperfection / rms_height for imperfection in separated.imperfections
-        ),
-    )
-
-
 def _heights_in_rows(heights: Heights) -> tuple[tuple[float, ...], ...]:
     """Return the rows of heights [um], to four significant digits of the largest."""
     largest = float(np.abs(heights).max())
@@ -520,104 +501,27 @@ def _shortest_wave(maps: Sequence[FittedMap]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _HeightCurve:
-    """The rising curve from normal scores to heights over the rms height of their map."""
-
-    scores: Values  # rising normal scores, shape (knots,) [1]
-    heights: Values  # heights at these scores, rising, shape (knots,) [1]
-
-    @classmethod
-    def of(cls, textures: Sequence[Heights]) -> _HeightCurve:
-        """Return the mean of the curves of textures over the rms heights of their maps."""
-        curves = [_quantiles(texture) for texture in textures]
-        furthest = min(curve.scores[-1] for curve in curves)
-        scores = np.concatenate(([-furthest], curves[0].scores[1:-1], [furthest]))
-        if len(curves) > 1:
-            limit = 0.9 * furthest
-            inner = np.linspace(-min(SPAN, limit), min(SPAN, limit), KNOTS)
-            scores = np.concatenate(([-furthest], inner, [furthest]))
-        heights = np.mean(
-            [np.interp(scores, curve.scores, curve.heights) for curve in curves], axis=0
-        )
-        return cls(scores=scores, heights=np.maximum.accumulate(heights))
-
-    def __call__(self, scores: Values) -> Values:
-        """Return the heights at normal scores [1]."""
-        places, heights = tabulated_curve(tuple(self.scores), tuple(self.heights))
-        return np.interp(scores, places, heights)
-
-    @property
-    def hermite_powers(self) -> Values:
-        """Powers of the curve's normalised Hermite polynomials, shape (`TERMS` + 1,).
-
-        The autocovariance of the heights is a sum over degrees k: the power of degree k times the
-        k-th power of the autocorrelation of the Gaussian field. The last power holds those of all
-        higher degrees.
-        """
-        scores = np.linspace(-8, 8, 4001)
-        weights = np.exp(-(scores**2) / 2)
-        weights /= weights.sum()
-        heights = self(scores)
-        heights -= weights @ heights
-        previous = np.zeros_like(scores)
-        polynomial = np.ones_like(scores)
-        powers = []
-        for degree in range(TERMS):
-            powers.append(float(weights @ (heights * polynomial)) ** 2)
-            # recurrence of Hermite polynomials with unit variance
-            unscaled = scores * polynomial - math.sqrt(degree) * previous
-            previous = polynomial
-            polynomial = unscaled / math.sqrt(degree + 1)
-        rest = float(weights @ heights**2) - sum(powers)
-        return np.array([*powers, max(0.0, rest)])
-
-    @property
-    def variance(self) -> float:
-        """Variance of the heights at normally distributed scores [1]."""
-        return float(self.hermite_powers.sum())
-
-
-def _quantiles(texture: Heights) -> _HeightCurve:
-    """Return the smooth curve of the heights of one texture over the rms height of its map."""
-    from scipy.special import ndtri
-
-    ordered = np.sort(texture, axis=None)
-    scores = ndtri((np.arange(ordered.size) + 0.5) / ordered.size)
-    span = min(SPAN, 0.9 * scores[-1])
-    knots = np.linspace(-span, span, KNOTS)
-    half = int(SHARE_OF_A_KNOT * ordered.size / 2)
-    centres = np.searchsorted(scores, knots)
-    means = [
-        ordered[max(0, centre - half) : centre + half + 1].mean() for centre in centres
-    ]
-    heights = np.concatenate(([ordered[0]], means, [ordered[-1]]))
-    return _HeightCurve(
-        scores=np.concatenate(([scores[0]], knots, [scores[-1]])),
-        heights=np.maximum.accumulate(heights),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Wanted:
-    """The wanted spectrum of the surfaces, whose heights have no texture."""
+class _TargetSpectrum:
+    """The spectrum that surfaces are to have, as heights over an rms height [1]."""
 
     grid: WaveGrid
     bands: WaveBands
     logarithms: Values  # logarithms of the density in bands [um^2]
-    # whether it holds power that a window as large as the period has leaked to neighbouring waves
-    leaks: bool = True
+    # Whether it is a spectrum through a Hann window as long as the period, as periodograms are. The
+    # window leaks power to neighbouring waves.
+    is_windowed: bool
 
-    def with_variance(self, variance: float) -> _Wanted:
-        """Return the same spectrum for heights of another variance [1]."""
+    def with_variance(self, variance: float) -> _TargetSpectrum:
+        """Return the spectrum times the factor that gives the heights a variance [1]."""
         total = self.grid.total(self.bands.spread(self.grid, self.logarithms))
         return replace(self, logarithms=self.logarithms + math.log(variance / total))
 
 
-def _wanted_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _Wanted:
-    """Return the spectrum of textures of maps, of unit variance.
+def _target_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _TargetSpectrum:
+    """Return the target spectrum for textures of maps, of unit variance.
 
-    Its form follows from the maps' periodograms. It is then corrected until rms slopes and rms
-    curvature over the rms height are those of the maps, which are measured without a window.
+    Its form follows from the textures' periodograms. It is then corrected until rms slopes and rms
+    curvature, over the rms height, are those of the textures, which are measured without a window.
     """
     bands = WaveBands.of(grid)
     spectrum = _mean_spectrum(textures, grid, bands)
@@ -630,8 +534,10 @@ def _wanted_spectrum(textures: Sequence[Heights], grid: WaveGrid) -> _Wanted:
         steepness=_log_ratio(roughness.slope**2, roughness.rms_height**2),
         sharpness=_log_ratio(roughness.curvature**2, roughness.slope**2),
     )
-    wanted = _Wanted(grid=grid, bands=bands, logarithms=correction.corrected())
-    return wanted.with_variance(1.0)
+    target = _TargetSpectrum(
+        grid=grid, bands=bands, logarithms=correction.corrected(), is_windowed=True
+    )
+    return target.with_variance(1.0)
 
 
 def _mean_spectrum(
@@ -675,39 +581,39 @@ class _Correction:
 
         Four changes follow each other: of the power of waves along x against that of waves along
         y; of the power of long waves, which the window changes most; of the power of all waves by
-        an exponent of their wavenumber; and of the power of short waves, for the curvature. A few
-        rounds are enough, because each of them hardly undoes the others.
+        a power of their wavenumber; and of the power of short waves, for the curvature. A few
+        rounds are enough, because a change hardly undoes the other three.
         """
         bands_x, bands_y = self.bands.middles
-        # number of waves on a side of the map, along their own direction
-        number = np.hypot(
+        # number of periods of a band's waves on the map, along their wavevector
+        periods = np.hypot(
             (bands_x / bands_x[1])[:, None], (bands_y / bands_y[1])[None, :]
         )
         # Multiples of the following four patterns are added to the logarithms.
-        long_waves = 1 / (1 + (number / LONG) ** 4)
+        long_waves = 1 / (1 + (periods / PERIODS_OF_LONG) ** 4)
         qx = np.maximum(bands_x, bands_x[1] / 2)[:, None]
         qy = np.maximum(bands_y, bands_y[1] / 2)[None, :]
         along_x = (qx**2 - qy**2) / (qx**2 + qy**2) * (1 - long_waves)
-        log_number = np.log(np.maximum(number, 1.0))
+        log_periods = np.log(np.maximum(periods, 1.0))
         short_waves = qx**2 / qx.max() ** 2 + qy**2 / qy.max() ** 2
         logarithms = self.logarithms
         for _ in range(ROUNDS_OF_ROUGHNESS):
             if not math.isnan(self.direction):
-                logarithms = self._nearest(
+                logarithms = self._with_multiple(
                     logarithms, along_x, MOST_DIRECTIONAL, self._direction_fault
                 )
-            logarithms = self._nearest(
+            logarithms = self._with_multiple(
                 logarithms, long_waves, math.log(MOST_FOR_LONG), self._steepness_fault
             )
-            logarithms = self._nearest(
-                logarithms, log_number, STEEPEST, self._steepness_fault
+            logarithms = self._with_multiple(
+                logarithms, log_periods, STEEPEST, self._steepness_fault
             )
-            logarithms = self._nearest(
+            logarithms = self._with_multiple(
                 logarithms, short_waves, MOST_FOR_SHORT, self._sharpness_fault
             )
         return logarithms
 
-    def _nearest(
+    def _with_multiple(
         self,
         logarithms: Values,
         pattern: Values,
@@ -725,15 +631,15 @@ class _Correction:
             """Return the fault after a multiple of the pattern is added."""
             return fault(logarithms + multiple * pattern)
 
-        at_least = fault_of(-most)
-        at_most = fault_of(most)
-        if at_least * at_most < 0:
+        fault_of_lowest = fault_of(-most)
+        fault_of_highest = fault_of(most)
+        if fault_of_lowest * fault_of_highest < 0:
             multiple = float(brentq(fault_of, -most, most, xtol=1e-4))
         else:
             multiple = most
-            if abs(at_least) < abs(at_most):
+            if abs(fault_of_lowest) < abs(fault_of_highest):
                 multiple = -most
-            if abs(fault_of(0.0)) <= min(abs(at_least), abs(at_most)):
+            if abs(fault_of(0.0)) <= min(abs(fault_of_lowest), abs(fault_of_highest)):
                 multiple = 0.0
         return logarithms + multiple * pattern
 
@@ -761,24 +667,22 @@ class _Correction:
         return _log_ratio(curvature, slope) - self.sharpness
 
 
-def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
+def _spectrum_of_field(target: _TargetSpectrum, curve: HeightCurve) -> Values:
     """Return logarithms of the Gaussian field's spectrum in bands, the largest one being 0.
 
-    In each round the mean spectrum of the surfaces follows from the field's autocorrelation, and is
-    compared with the wanted one through the window.
+    In each round the mean spectrum of the surfaces follows from the field's autocorrelation. If the
+    target spectrum is one through a window, so is the one that is compared with it.
     """
     from scipy import fft
 
-    grid = wanted.grid
-    bands = wanted.bands
-    correlations = np.linspace(-1, 1, 8001)
+    grid = target.grid
+    bands = target.bands
+    correlations = np.linspace(-1, 1, CORRELATIONS)
     covariances = np.polynomial.polynomial.polyval(correlations, curve.hermite_powers)
     covariances -= curve.hermite_powers[0]
-    # The wanted spectrum holds the power that the window has leaked, as the maps' periodograms do.
-    # So it is compared with the spectrum of the surfaces after the same leak.
-    aim = log_means(bands.means(grid, bands.spread(grid, wanted.logarithms)))
-    field = wanted.logarithms.copy()
-    for _ in range(ROUNDS):
+    target_means = log_means(bands.means(grid, bands.spread(grid, target.logarithms)))
+    field = target.logarithms.copy()
+    for _ in range(ROUNDS_OF_FIELD):
         densities = bands.spread(grid, field)
         correlation = fft.irfft2(densities, s=grid.shape)
         correlation /= correlation[0, 0]
@@ -786,25 +690,26 @@ def _spectrum_of_field(wanted: _Wanted, curve: _HeightCurve) -> Values:
         spectrum = fft.rfft2(covariance).real * math.prod(grid.spacing)
         np.maximum(spectrum, 0.0, out=spectrum)
         spectrum[0, 0] = 0.0
-        if wanted.leaks:
+        if target.is_windowed:
             spectrum = leaked(spectrum)
-        lacks = aim - log_means(bands.means(grid, spectrum))
-        field += STEP * np.clip(lacks, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
-        field = np.maximum(field, field.max() + LEAST)
+        lacking = target_means - log_means(bands.means(grid, spectrum))
+        field += DAMPING * np.clip(lacking, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
+        field = np.maximum(field, field.max() + SMALLEST_LOGARITHM)
     return np.asarray(field - field.max())
 
 
-def _what_gives_way(
+def _remarks_on_roughness(
     population: Population, shape: tuple[int, int], of_maps: Roughness
 ) -> list[str]:
-    """Return sentences on numbers of a population's surfaces that are not those of the maps.
+    """Return sentences on rms values of a population's surfaces that are not those of the maps.
 
-    The distribution of heights is kept. If the spectrum is not possible together with it, rms slope
-    and rms curvature differ. A few surfaces with the nodes `shape` are made and compared.
+    Surfaces always have the distribution of heights of the population. If its spectrum is not
+    possible together with it, rms values differ. They are compared on a few surfaces with the nodes
+    `shape`.
     """
     of_surfaces = []
-    for number in range(TRIALS):
-        random = np.random.default_rng([TRIALS, number])
+    for seed in range(COMPARED):
+        random = np.random.default_rng([COMPARED, seed])
         surface = generate_like(population, shape, shape, random)
         of_surfaces.append(Roughness.of([surface], population.spacing))
     ratios = {
@@ -817,5 +722,5 @@ def _what_gives_way(
         f"the {name} of surfaces is {ratio:.2f} of the maps': it gives way to the quantiles of"
         " their heights"
         for name, ratio in medians.items()
-        if abs(ratio - 1) > GIVES_WAY
+        if abs(ratio - 1) > WITHOUT_REMARK
     ]

@@ -215,7 +215,6 @@ def _steps_of_preparation(like: LikeMaps) -> str:
 
 def _scale(like: LikeMaps) -> str:
     """Return the key `scale`, with a comment on the rms heights of the maps."""
-    smallest, largest = like.scales
     if like.joined is not None:
         return "# Heights over those of the joined spectrum.\nscale = 1.0"
     if len(like.surveys) == 1:
@@ -223,6 +222,7 @@ def _scale(like: LikeMaps) -> str:
             "# Heights over those of the map. One map does not tell how they scatter: give a range"
             " if\n# you know it, as [0.9, 1.1].\nscale = 1.0"
         )
+    smallest, largest = like.scales
     low = rounded(smallest, 3)
     high = rounded(largest, 3)
     return (

@@ -1,7 +1,7 @@
 """Surfaces of a population that was fitted to measured maps.
 
-The file of the population is read once, when a run begins. Its content stands in the scene of the
-database, so that neither the file nor the maps are needed afterwards.
+The file of the population is read once, when a run begins. The scene in the database holds its
+content, so that neither the file nor the maps are needed afterwards.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _file(value: object, info: ValidationInfo) -> str:
     """Validate the key `population`: return the path of the file.
 
     A relative path starts from the folder of the scene's file, if the context of the validation has
-    the key "folder". PydanticCustomError for anything but a name.
+    the key "folder". Raise PydanticCustomError for a value that is no name.
     """
     if not isinstance(value, str) or not value.strip():
         raise PydanticCustomError("file", "not a name")
@@ -63,7 +63,7 @@ class RecordedPopulation(Table):
 
     @model_validator(mode="after")
     def _require_content_of_hash(self) -> Self:
-        """Refuse a text whose SHA-256 is another one, or which is no population."""
+        """Refuse a text that has another SHA-256 or is no population."""
         if hashlib.sha256(self.text.encode()).hexdigest() != self.sha256:
             raise conflict("the content of the population is not that of its SHA-256")
         try:
@@ -145,12 +145,15 @@ class LikeSurface(GeneratedSurface):
         """
         if self.found is None:
             return content
-        kept = {key: content[key] for key in content.keys() - {"population"}}
-        kept["found"] = {"sha256": self.found.sha256}
-        return kept
+        relevant = {key: content[key] for key in content.keys() - {"population"}}
+        relevant["found"] = {"sha256": self.found.sha256}
+        return relevant
 
     def sources(self) -> list[Path]:
-        """Return the population's file, unless the population is recorded and the file is gone."""
+        """Return a list of the population's file.
+
+        The list is empty if the population is recorded and the file no longer exists.
+        """
         path = Path(self.population)
         if self.found is not None and not path.is_file():
             return []
@@ -179,7 +182,7 @@ class LikeSurface(GeneratedSurface):
         return self.model_copy(update={"found": recorded})
 
     def remarks(self) -> list[str]:
-        """Return lines about the population: its maps, its waves, and warnings.
+        """Return lines about the population: its maps, waves and imperfections, and warnings.
 
         The warnings are the sentences on properties of the maps that the surfaces do not have.
         """
@@ -210,9 +213,9 @@ class LikeSurface(GeneratedSurface):
     def period_nodes(self, grid: Grid) -> tuple[int, int]:
         """Return the nodes of a surface's period along both axes.
 
-        On a patch whose borders are periodic it is the patch. Otherwise it is as long as the
-        longest waves of the maps, but at least as long as the patch and at most twice as long,
-        and lengthened to numbers of nodes with fast Fourier transforms.
+        If the borders of the patch are periodic, the period is the patch. Otherwise it is as long
+        as the longest waves of the maps, but at least as long as the patch, and at most twice as
+        long. It is then lengthened to numbers of nodes with fast Fourier transforms.
 
         Parameters
         ----------

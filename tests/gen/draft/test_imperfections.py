@@ -14,7 +14,7 @@ LAY = SelfAffineSpectrum(0.8, 40.0, 30.0, stretch=0.1)
 
 
 def with_pits(heights, depth=6.0):
-    """Two pits of six nodes in the middle of two squares, as deep as six rms heights."""
+    """Return heights with two pits of 6 x 6 nodes, each in the middle of a square."""
     pitted = heights.copy()
     for x, y in ((37, 53), (117, 101)):
         pitted[x : x + 6, y : y + 6] -= depth
@@ -33,7 +33,7 @@ def test_a_texture_has_no_imperfections(heights):
 
 
 def test_pits_are_imperfections():
-    """What is left is the surface without pits, but for their squares, which are smooth."""
+    """The texture is the surface without pits, but smooth in their squares."""
     heights = made()
     separated = separate_imperfections(with_pits(heights), (1.0, 1.0))
     assert len(separated.imperfections) == 2
@@ -64,7 +64,7 @@ def test_many_steep_squares_are_the_texture():
 
 
 def test_surfaces_have_the_texture_and_the_pits_of_the_map():
-    """The rms slope, and the median slope, which the pits hardly change; both hold within 10 %."""
+    """Their rms slope, and the median slope, which pits hardly change, are within 10 %."""
     heights = with_pits(made(LAW), depth=10.0)
     fitted = fitted_to(heights)
     assert len(fitted.imperfections) == 2
@@ -73,6 +73,8 @@ def test_surfaces_have_the_texture_and_the_pits_of_the_map():
     of_map = Roughness.of([heights], (1.0, 1.0))
     of_surfaces = Roughness.of(surfaces, (1.0, 1.0))
     assert of_surfaces.slope == pytest.approx(of_map.slope, rel=0.1)
-    medians = [np.median(np.abs(np.diff(one, axis=0))) for one in [heights, *surfaces]]
+    medians = [
+        np.median(np.abs(np.diff(surface, axis=0))) for surface in [heights, *surfaces]
+    ]
     assert medians[1:] == pytest.approx([medians[0]] * len(surfaces), rel=0.1)
     assert all(np.count_nonzero(surface < -6.0) > 40 for surface in surfaces)

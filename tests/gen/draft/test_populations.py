@@ -81,7 +81,7 @@ def test_the_shortest_wave_is_the_cut_off():
 
 
 def test_several_maps_are_one_population():
-    """Its rms height is the median; maps of other shapes count, too."""
+    """Its rms height is the median of the maps', which may have different shapes."""
     maps = [
         made(seed=1),
         1.3 * made(seed=2)[:120],
@@ -89,7 +89,7 @@ def test_several_maps_are_one_population():
     ]
     fitted = fitted_to(*maps)
     rms_heights = [heights.std() for heights in maps]
-    assert [one.rms_height for one in fitted.maps] == pytest.approx(rms_heights)
+    assert [source.rms_height for source in fitted.maps] == pytest.approx(rms_heights)
     rms_height = np.sqrt(np.mean([surface.var() for surface in surfaces_of(fitted)]))
     assert rms_height == pytest.approx(np.median(rms_heights), rel=0.05)
     slopes = [np.diff(heights, axis=0).std() / heights.std() for heights in maps]
