@@ -226,6 +226,7 @@ def test_one_place_prints(package):
             assert not re.search(r"\bConsole\(|typer\.s?echo|\bprint\(", text), path
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("line", ["learn fit none.h5 -o a", "bench cost -o c"])
 def test_a_missing_extra_is_one_line(line, tmp_path):
     """As after `make quickstart`, which installs what databases need and no more."""

@@ -20,6 +20,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "command", [name for name in crafted.COMMANDS if name[:3] != "gen"]
 )

@@ -256,6 +256,7 @@ def joint(made):
     return together(made, *JOINT)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("number", range(len(JOINT)))
 def test_joint_rows_are_those_of_each_database(made, joint, number):
     alone = read(made[JOINT[number]], features="dimensionless")

@@ -111,6 +111,7 @@ def test_a_second_writer_is_refused_and_readers_are_welcome(folder, capsys):
     assert "pending" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_lock_does_not_outlive_a_killed_run(folder):
     run = start(folder, 0, "killed.h5")
     run.kill()

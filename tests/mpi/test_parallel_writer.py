@@ -165,6 +165,7 @@ def test_a_path_that_leads_elsewhere_on_one_rank_is_refused(folder):
     assert not list((folder / "elsewhere").iterdir())
 
 
+@pytest.mark.long
 @pytest.mark.skipif(HAS_MPI, reason="this h5py has MPI")
 def test_without_mpi_in_h5py_the_parallel_writer_is_refused_and_auto_is_single(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE.format(6))

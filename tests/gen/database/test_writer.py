@@ -326,6 +326,7 @@ def expected(tmp_path_factory):
     return deterministic_bytes(path)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["after-1.h5", "after-8.h5"])
 def test_what_a_power_cut_leaves_is_continued(cuts, expected, name):
     assert cli.main(["run", "scene.toml", "-o", name]) == 0

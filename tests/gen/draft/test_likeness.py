@@ -40,6 +40,7 @@ def written(like, folder):
     return write_scene(folder / "a.toml", text)
 
 
+@pytest.mark.few(2)
 def test_the_scene_holds_the_law_that_the_map_was_made_by(isotropic, tmp_path):
     like, hurst = isotropic
     scene = written(like, tmp_path)

@@ -97,6 +97,7 @@ def test_other_programs_read_outputs_without_the_function(without_function):
     assert python("-c", read, folder=without_function).returncode == 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("line", ["info a.h5", "merge a.h5 -o b.h5"])
 def test_info_and_merge_need_no_function(without_function, line):
     ended = python("-m", "gen", *line.split(), folder=without_function)
@@ -198,6 +199,7 @@ def test_a_later_row_names_itself(here, capsys, body, fault):
         assert reader.counts().done == first
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("body", "reason"),
     [

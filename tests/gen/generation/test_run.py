@@ -175,6 +175,7 @@ def test_a_database_without_a_done_row_is_not_drawn(starved):
     assert not starved.with_name("no.png").exists()
 
 
+@pytest.mark.few(1)
 def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(tmp_path):
     good = launch(0, "columns", folder=tmp_path)
     assert good.returncode == 0

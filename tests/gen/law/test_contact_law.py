@@ -593,6 +593,7 @@ def unlike(request, write):
     )
 
 
+@pytest.mark.few(2)
 def test_a_table_that_was_not_asked_for_is_shortened_but_not_empty(unlike):
     assert "full contact from" in unlike.printed
     deltas = unlike.table("law.csv", "delta_um")

@@ -66,6 +66,7 @@ def read(path):
     return {name: np.array(rows) for name, rows in blocks.items()}
 
 
+@pytest.mark.long
 def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances(law):
     folder, table = law
     assert not [name for name in read(folder / "plain.inp") if "CONDUCTANCE" in name]
@@ -554,6 +555,7 @@ def test_rows_of_calculix_are_within_5_percent_up_to_90_percent_contact(rough):
     assert max(distances(folder / "law-calculix.inp", rows)) < 5
 
 
+@pytest.mark.long
 def test_files_say_how_far_their_lines_are_off(rough):
     folder, rows = rough
     for program in ("calculix", "abaqus"):
@@ -563,6 +565,7 @@ def test_files_say_how_far_their_lines_are_off(rough):
             assert measured < announced + 3.5, "a contact between others is further off"
 
 
+@pytest.mark.long
 def test_files_say_how_far_their_cubics_are_off(rough):
     folder, _ = rough
     head = (folder / "law.h").read_text().partition("*/")[0].replace("\n *", "")

@@ -51,10 +51,12 @@ def test_an_error_of_the_area_takes_fewer_nodes_and_is_told(capsys):
     assert row.area_relative_error_percent == pytest.approx(100 * parts.total)
     assert row.area_relative_error_asked_percent == pytest.approx(3)
     assert row.area_relative_error_from_grid_percent == pytest.approx(100 * parts.grid)
-    assert row.area_relative_error_from_solver_percent == pytest.approx(0.3)
+    assert row.area_relative_error_from_solver_percent == pytest.approx(
+        100 * parts.solver
+    )
     assert (
         f"% of it at 95 %, asked 3 %: grid {100 * parts.grid:.2g} %, dropped waves 0 %,"
-        " solver 0.3 %" in printed
+        f" solver {100 * parts.solver:.2g} %" in printed
     )
     assert Path("fine.png").stat().st_size > 0
 

@@ -106,6 +106,7 @@ def ended(tmp_path_factory):
     return folder, {name: (runs[name].returncode, said[name]) for name in runs}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", STREAMS)
 def test_what_nobody_reads_ends_no_run(ended, name):
     folder, ends = ended

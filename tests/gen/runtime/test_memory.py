@@ -42,6 +42,7 @@ def test_a_run_that_is_out_of_memory_fails_no_row(here, no_memory, capsys):
     assert "3 rows done, 0 failed" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_picture_needs_no_times(here, capsys):
     database_of(here, "samples = 4\n[surface]\nnodes = 9\n")
     for rows in (slice(0, 1), slice(None)):
