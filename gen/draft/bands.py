@@ -375,6 +375,7 @@ def with_means(bands: WaveBands, grid: WaveGrid, means: Values) -> Values:
     """
     logarithms = means.copy()
     for _ in range(ROUNDS_OF_MEANS):
-        now = log_means(bands.means(grid, bands.spread(grid, logarithms)))
-        logarithms += np.clip(means - now, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
+        spectrum = bands.means(grid, bands.spread(grid, logarithms))
+        lacking = np.where(spectrum.waves > 0, means - log_means(spectrum), 0.0)
+        logarithms += np.clip(lacking, -MOST_OF_A_ROUND, MOST_OF_A_ROUND)
     return logarithms

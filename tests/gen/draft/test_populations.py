@@ -144,3 +144,14 @@ def test_nothing_is_overwritten(here, refused):
     line = refused(cli, "scene", "--like", "map.npy", "--side", "95", "-o", "mine.toml")
     assert "mine.population.json: is there already" in line
     assert {path.name for path in here.iterdir()} == {"map.npy", "mine.population.json"}
+
+
+def test_the_spectrum_of_waves_longer_than_the_map_is_continued_flat():
+    """On a period of three maps a side, the rms slope over the rms height is that of the map."""
+    heights = made()
+    fitted = fitted_to(heights)
+    period = (3 * fitted.nodes[0], 3 * fitted.nodes[1])
+    surface = generate_like(fitted, period, period, np.random.default_rng(0))
+    slope = np.diff(surface, axis=0).std() / surface.std()
+    of_map = np.diff(heights, axis=0).std() / heights.std()
+    assert slope == pytest.approx(of_map, rel=0.1)
