@@ -139,6 +139,16 @@ class Population:
 
     def _require_consistency(self, source: str) -> None:
         """Raise InputError, which names the file `source`, if numbers do not fit together."""
+        self._require_table(source)
+        self._require_rising_numbers(source)
+        if self.bands_x[0] != 0 or self.bands_y[0] != 0:
+            raise InputError(f"{source}: bands: do not begin at 0")
+        for imperfection in self.imperfections:
+            if len({len(line) for line in imperfection}) > 1:
+                raise InputError(f"{source}: imperfections: not rectangles of nodes")
+
+    def _require_table(self, source: str) -> None:
+        """Raise InputError unless logarithms are a table over the bands, and heights have scores."""
         shape = (2, len(self.bands_x), len(self.bands_y))
         rows = {len(row) for part in self.logarithms for row in part}
         is_table = {len(part) for part in self.logarithms} == {shape[1]}
@@ -146,16 +156,14 @@ class Population:
             raise InputError(f"{source}: logarithms: not a table over the bands")
         if len(self.scores) != len(self.heights):
             raise InputError(f"{source}: scores and heights: not of one length")
+
+    def _require_rising_numbers(self, source: str) -> None:
+        """Raise InputError unless bands, scores and heights rise."""
         for name in ("bands_x", "bands_y", "scores"):
             if (np.diff(getattr(self, name)) <= 0).any():
                 raise InputError(f"{source}: {name}: do not rise")
         if (np.diff(self.heights) < 0).any() or self.heights[0] == self.heights[-1]:
             raise InputError(f"{source}: heights: do not rise")
-        if self.bands_x[0] != 0 or self.bands_y[0] != 0:
-            raise InputError(f"{source}: bands: do not begin at 0")
-        for imperfection in self.imperfections:
-            if len({len(line) for line in imperfection}) > 1:
-                raise InputError(f"{source}: imperfections: not rectangles of nodes")
 
     @functools.cached_property
     def text(self) -> str:
