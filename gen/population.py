@@ -148,7 +148,7 @@ class Population:
                 raise InputError(f"{source}: imperfections: not rectangles of nodes")
 
     def _require_table(self, source: str) -> None:
-        """Raise InputError unless logarithms are a table over the bands, and heights have scores."""
+        """Raise InputError unless logarithms are a table over the bands, scores over heights."""
         shape = (2, len(self.bands_x), len(self.bands_y))
         rows = {len(row) for part in self.logarithms for row in part}
         is_table = {len(part) for part in self.logarithms} == {shape[1]}
