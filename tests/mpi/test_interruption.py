@@ -188,7 +188,7 @@ sys.exit(cli.main(["run", "scene.toml", "-o", "rows.h5", "--writer", "single"]))
 """
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 def test_rows_are_finished_while_a_worker_takes_long(tmp_path):
     (tmp_path / "scene.toml").write_text("samples = 12\n[surface]\nnodes = 9\n")
     (tmp_path / "slow.py").write_text(SLOW)
@@ -263,7 +263,7 @@ def test_what_fails_on_one_rank_ends_all(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 def test_the_run_ends_on_all_ranks_and_the_newcomer_stays(tmp_path):
     text = "samples = 40\nseed = {}\n[surface]\nnodes = 17\n"
     for name, seed in (("scene", 0), ("other", 7)):

@@ -39,7 +39,7 @@ def pictures(name, inputs, folder, variables):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.png")}
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("name", LINES)
 def test_no_settings_of_the_folder_the_user_or_the_environment_change_a_picture(
     name, inputs, tmp_path
