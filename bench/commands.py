@@ -135,7 +135,7 @@ def page(
 
     if not folder.is_dir():
         raise InputError(
-            f"{folder} is not a folder; `python -m bench run -o {folder}` makes one"
+            f"{folder} is not a folder; `asperity bench run -o {folder}` makes one"
         )
     inputs = Inputs(output=folder, database=None, comparison=comparison, full=full)
     echo(str(write_page(PARTS, inputs)))

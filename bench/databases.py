@@ -128,7 +128,7 @@ def of_the_paper(database: Path | None, folder: Path, rows: int) -> Path:
         is_whole = reader.rows == range(reader.scene.samples)
     if not is_whole:
         raise InputError(
-            f"--database {database}: is a part; python -m gen merge makes it whole"
+            f"--database {database}: is a part; asperity gen merge makes it whole"
         )
     if different:
         raise InputError(

@@ -77,7 +77,7 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
             files |= dict(_files_to_publish(folder))
         if not files:
             raise InputError(
-                f"{inputs.output} holds no finished part: `python -m bench run` makes it"
+                f"{inputs.output} holds no finished part: `asperity bench run` makes it"
             )
         for path in _earlier_files(folders) - files.keys():
             path.unlink()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from strict import json_of
+from waves_scene import SCENE as WAVES
 
 import bem
 from bem.derived.stiffness import patch_stiffness
@@ -288,26 +289,15 @@ def test_laws_that_layers_do_not_have_are_refused(here, capsys, arguments, messa
     assert message in capsys.readouterr().err
 
 
-OF_WAVES = """
-samples = 4
-[surface]
-generator = "spectral"
-nodes = 33
-side = 1000.0
-hurst = 0.8
-roll_off = 250.0
-cut_off = 250.0
-rms_slope = 0.1
-[load]
-quantity = "pressure"
-range = [0.001, 0.02]
-[contact]
-boundary = "periodic"
+OF_WAVES = (
+    WAVES
+    + """
 [contact.layer]
 thickness = {thickness}
 modulus = 1.0
 base = "rigid"
 """
+)
 
 
 def test_means_of_a_scene_have_the_compression_of_a_layer_on_each_surface(here):

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from strict import json_of
+from waves_scene import SCENE
 
 from gen import cli
 from gen.law import Order, by_means, by_solver
@@ -14,23 +15,6 @@ from gen.law.multilevel import PILOT
 from gen.law.surfaces import surfaces_of_scene
 from gen.runtime.errors import InputError
 from gen.scene import load
-
-SCENE = """
-samples = 4
-[surface]
-generator = "spectral"
-nodes = 33
-side = 1000.0
-hurst = 0.8
-roll_off = 250.0
-cut_off = 250.0
-rms_slope = 0.1
-[load]
-quantity = "pressure"
-range = [0.001, 0.02]
-[contact]
-boundary = "periodic"
-"""
 
 LOADS = ["--pressure", "0.005,0.02", "--boundary", "periodic"]
 
