@@ -385,11 +385,12 @@ class TrainedLayers:
         InputError
             If thickness or moduli differ by more than rounding from those of the training.
         """
-        pairs = [(body.thickness, self.thickness), (body.modulus, self.modulus)]
+        # The ends of each span of the training are equal.
+        pairs = [(body.thickness, self.thickness[0]), (body.modulus, self.modulus[0])]
         if isinstance(body.base, bem.HalfSpace) and self.base_modulus is not None:
-            pairs.append((body.base.modulus, self.base_modulus))
-        for number, (trained, _) in pairs:
-            if not math.isclose(number, trained, rel_tol=SAME):
+            pairs.append((body.base.modulus, self.base_modulus[0]))
+        for number, trained_number in pairs:
+            if not math.isclose(number, trained_number, rel_tol=SAME):
                 raise InputError(
                     f"the surrogate holds for a layer of {self.text} alone: leave out the layer, or"
                     " fit one with --features dimensionless or hybrid"

@@ -150,24 +150,8 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
     numbers = {}
     for name, stored_name in parameter_columns(scene).items():
         numbers[name] = column(stored_name)
-    contact = scene.contact
-    layers = Layers.of_rows(scene, column)
-    e_star: Values | float = contact.e_star
-    if layers is not None:
-        e_star = layers.e_star
-    if contact.layer is not None:
-        for name, number in contact.layer.numbers.items():
-            if name in contact.layer.drawn:
-                numbers[name] = column(name)
-            else:
-                numbers[name] = np.full_like(column("delta"), limits(number).smallest)
-    if contact.hardness_limits is not None:
-        if contact.draws_hardness:
-            hardness = column("hardness")
-        else:  # Both limits are the constant hardness of the scene.
-            hardness = np.full_like(column("delta"), contact.hardness_limits[0])
-        numbers["hardness"] = hardness
-        numbers["hardness_ratio"] = hardness / e_star
+    numbers |= _layer_numbers_of_rows(scene, column)
+    numbers |= _hardnesses_of_rows(scene, column)
     force = column("force")
     numbers["delta"] = column("delta")
     numbers["force"] = force
@@ -177,6 +161,51 @@ def numbers_of_rows(scene: Scene, column: Callable[[str], Values]) -> dict[str, 
         # solver's tolerance. A relative load has a name of its own, and replaces nothing.
         numbers[load_of(scene)] = column("load")
     return numbers
+
+
+def _layer_numbers_of_rows(
+    scene: Scene, column: Callable[[str], Values]
+) -> dict[str, Values]:
+    """Return the `LAYER_NUMBERS` of n rows by name, (n,) each; an empty dict for half-spaces.
+
+    A number that the scene does not draw is repeated for all rows. `column` is that of
+    `numbers_of_rows`.
+    """
+    layer = scene.contact.layer
+    if layer is None:
+        return {}
+    numbers = {}
+    for name, distribution in layer.numbers.items():
+        if name in layer.drawn:
+            numbers[name] = column(name)
+        else:
+            fixed_number = limits(distribution).smallest
+            numbers[name] = np.full_like(column("delta"), fixed_number)
+    return numbers
+
+
+def _hardnesses_of_rows(
+    scene: Scene, column: Callable[[str], Values]
+) -> dict[str, Values]:
+    """Return both `HARDNESSES` of n rows by name, (n,) each; an empty dict for elastic bodies.
+
+    The ratio is that to the E* of the layer, if there is one. `column` is that of
+    `numbers_of_rows`.
+    """
+    contact = scene.contact
+    if contact.hardness_limits is None:
+        return {}
+    if contact.draws_hardness:
+        hardness = column("hardness")
+    else:
+        # Both limits are the constant hardness of the scene.
+        constant_hardness, _ = contact.hardness_limits
+        hardness = np.full_like(column("delta"), constant_hardness)
+    e_star: Values | float = contact.e_star
+    layers = Layers.of_rows(scene, column)
+    if layers is not None:
+        e_star = layers.e_star
+    return {"hardness": hardness, "hardness_ratio": hardness / e_star}
 
 
 def checked_numbers(

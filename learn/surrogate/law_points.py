@@ -167,16 +167,7 @@ def _quantities(
     if MEAN_GAP.name in targets:
         quantities[MEAN_GAP.in_laws] = targets[MEAN_GAP.name]
     elif means is not None:
-        force = targets["force"] / loaded.bodies.e_star  # [um2]
-        # mean over the patch [um]
-        displacement = means.relative_compliance * force / means.length
-        if (
-            loaded.patch.boundary != "free"
-        ):  # a uniform pressure may displace the whole patch
-            pressure = quantities[PRESSURE.in_laws]
-            displacement = displacement + loaded.patch_compliance * pressure
-        gap = means.gap + displacement + means.yielded_depth
-        quantities[MEAN_GAP.in_laws] = np.maximum(gap, 0.0)
+        quantities[MEAN_GAP.in_laws] = _mean_gap(loaded, targets["force"], means)
     # A law has the stiffness of the interface per area. A learnt stiffness of unloading is that of
     # the contact with its patch, whose compliance is taken out.
     nominal = loaded.patch.nominal
@@ -188,6 +179,22 @@ def _quantities(
     for name in also:
         quantities[ALSO[name].in_laws] = targets[name]
     return quantities
+
+
+def _mean_gap(loaded: LoadedPatch, force: Values, means: CoarseMeans) -> Values:
+    """Return the mean gaps at k Deltas that follow from forces, (k,) [um].
+
+    The mean gap is that without deformation, plus the mean displacement and the mean yielded depth.
+    A negative one becomes 0. The forces, (k,), are in uN.
+    """
+    force_over_e_star = force / loaded.bodies.e_star  # [um2]
+    displacement = means.relative_compliance * force_over_e_star / means.length
+    if loaded.patch.boundary != "free":
+        # The coarse means are those of half-spaces. On a layer, the mean pressure displaces the
+        # whole patch, too.
+        pressure = force / loaded.patch.nominal
+        displacement = displacement + loaded.patch_compliance * pressure
+    return np.maximum(means.gap + displacement + means.yielded_depth, 0.0)
 
 
 def _quantities_at_deltas(

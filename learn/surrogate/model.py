@@ -255,8 +255,8 @@ class Surrogate:
         """
         if self.features.of_scene:
             # The scene fixes E*, and its parameters replace the surface.
-            material = (e_star, body)
-            if surface is not None or side is not None or material != (None, None):
+            refused_arguments = (surface, side, e_star, body)
+            if any(argument is not None for argument in refused_arguments):
                 names = ", ".join(self.features.names)
                 raise InputError(
                     f"the surrogate asks for {names}, not for a surface or E*"
@@ -324,11 +324,11 @@ class Surrogate:
         InputError
             If a number is not above 0; if a hardness is given, but all bodies of the training are
             elastic; or if none is given, but the training has several and no elastic bodies. Also
-            if a layer is given for a training on half-spaces or is of another kind, or if it is
-            missing for a training with several layers.
+            if a layer is given for a training on half-spaces or is of another kind, if it is
+            missing for a training with several layers, or if `e_star` is given for a training on
+            layers.
         """
         layer = self._checked_layer(body, e_star)
-        limits = self.hardness_limits
         modulus = self.modulus
         if layer is not None:
             modulus = layer.e_star
@@ -337,28 +337,42 @@ class Surrogate:
                 modulus = real_number("e_star", e_star, MODULUS)
             if hardness is not None:
                 hardness = real_number("hardness", hardness, HARDNESS)
-        if hardness is not None and limits is None:
-            raise InputError(
-                f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that"
-                " out, or fit one to a database whose scene has a hardness"
-            )
-        if hardness is None and limits is not None and not self.features.elastic:
-            # All bodies of the training yield. The default is their hardness, unless it varies.
-            if limits[0] < limits[1]:
-                raise InputError(
-                    "give --hardness: the surrogate was trained on bodies that yield at"
-                    f" {hardness_range_text(limits)} E*"
-                )
-            hardness = limits[0] * modulus
         layered: LayeredBody | None = None
         if layer is not None:
             layered = LayeredBody.of(layer)
         return Bodies(
             e_star=modulus,
-            hardness=hardness,
+            hardness=self._completed_hardness(hardness, modulus),
             has_modulus=e_star is not None or body is not None,
             layered=layered,
         )
+
+    def _completed_hardness(self, hardness: float | None, modulus: float) -> float | None:
+        """Return the hardness of a prediction [MPa]; None for elastic bodies.
+
+        If `hardness` is None, the bodies are elastic if the training includes elastic ones.
+        Otherwise their hardness over E* is that of the training; `modulus` is the E* of the
+        prediction [MPa]. Raises InputError if a hardness is given, but all bodies of the training
+        are elastic, or if none is given, but the training has several and no elastic bodies.
+        """
+        limits = self.hardness_limits  # over E*
+        if hardness is not None:
+            if limits is None:
+                raise InputError(
+                    f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave"
+                    " that out, or fit one to a database whose scene has a hardness"
+                )
+            return hardness
+        if limits is None or self.features.elastic:
+            return None
+        # All bodies of the training yield. The default is their hardness, unless it varies.
+        smallest, largest = limits
+        if smallest < largest:
+            raise InputError(
+                "give --hardness: the surrogate was trained on bodies that yield at"
+                f" {hardness_range_text(limits)} E*"
+            )
+        return smallest * modulus
 
     def _checked_layer(
         self, body: bem.Layered | None, e_star: float | None
@@ -819,26 +833,36 @@ class OnSurface:
         """
         features = self.surrogate.features
         if bodies is None:
-            # `Surrogate.bodies` takes one hardness, and checks that the training has bodies that
-            # yield. The first one serves for this check; `ratio` below has the one at each load.
-            any_hardness = None
-            if hardness is not None:
-                any_hardness = float(hardness[0])
-            any_layer = layered[0] if layered else None
-            bodies = self.surrogate.bodies(None, any_hardness, any_layer)
+            bodies = self._default_bodies(hardness, layered)
         if bodies.layered is not None and not layered:
             layered = [bodies.layered.alone]
         e_star: Values | float = bodies.e_star
         if layered:
             e_star = np.array([body.e_star for body in layered])
-        ratio: Values | float | None = None
+        hardness_ratio: Values | float | None = None
         if hardness is not None:
-            ratio = hardness / e_star
+            hardness_ratio = hardness / e_star
         elif bodies.hardness is not None:
-            ratio = bodies.hardness / e_star
+            hardness_ratio = bodies.hardness / e_star
         with input_errors(self.surface.name):
             loads = real_array(features.load, delta).reshape(-1)
-        return self.surface.rows(features, loads, ratio, bodies.e_star, layered)
+        return self.surface.rows(features, loads, hardness_ratio, bodies.e_star, layered)
+
+    def _default_bodies(
+        self, hardness: Values | None, layered: Sequence[bem.Layered]
+    ) -> Bodies:
+        """Return bodies with the E* of the training, or with the first of the layers.
+
+        `hardness`, (n,) [MPa], and `layered` are those of `rows`. Raises InputError if the
+        surrogate cannot predict bodies of the first hardness and with the first layer.
+        """
+        # `Surrogate.bodies` takes one hardness and one layer. The first ones serve for its checks;
+        # `rows` computes the hardness over E* at each load.
+        first_hardness: float | None = None
+        if hardness is not None:
+            first_hardness = float(hardness[0])
+        first_layer = layered[0] if layered else None
+        return self.surrogate.bodies(None, first_hardness, first_layer)
 
     def predict(
         self,
