@@ -40,12 +40,6 @@ def _file(help_text: str, *names: str) -> Any:
 
 
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
-SurfaceFile = Annotated[
-    Path,
-    Argument(
-        metavar="SURFACE", help="Heights: .npy, text, instruments' (x3p, sur, gwy ...)."
-    ),
-]
 SurfaceFiles = Annotated[
     list[Path],
     Argument(
