@@ -400,15 +400,7 @@ class Selection:
             maps cannot be grouped; see `learn.split.surface_groups`.
         """
         column = parts[0].targets[number]
-        powers = column.powers
-        # A user's outputs may have equal names in two databases, and different powers: the target
-        # then keeps its unit.
-        if any(part.targets[number].powers != powers for part in parts):
-            powers = None
-        # Features with units have no thickness, so that their answers hold for one layer alone.
-        has_layers = any(part.scene.contact.layer is not None for part in parts)
-        if has_layers and not self.features.scaled:
-            powers = None
+        powers = self._shared_powers(parts, number)
         databases = [self._usable(part, number, powers) for part in parts]
         dropped = Counter[str]()
         for database in databases:
@@ -441,6 +433,22 @@ class Selection:
             sha256=_joint_fingerprint(origins),
             by_tile=all(TILE in part.columns for part in parts),
         )
+
+    def _shared_powers(self, parts: Sequence[Stored], number: int) -> Powers | None:
+        """Return the powers that a target scales with in all databases.
+
+        They are None if the target keeps its unit. `number` is the position of the target in
+        `Stored.targets`.
+        """
+        powers = parts[0].targets[number].powers
+        # A user's outputs may have equal names in two databases, and different powers.
+        if any(part.targets[number].powers != powers for part in parts):
+            return None
+        # Features with units have no thickness, so that their answers hold for one layer alone.
+        has_layers = any(part.scene.contact.layer is not None for part in parts)
+        if has_layers and not self.features.scaled:
+            return None
+        return powers
 
     def _usable(self, part: Stored, number: int, powers: Powers | None) -> UsableRows:
         """Return the usable rows of a database for one target.

@@ -210,7 +210,10 @@ class Cache:
 
 
 def _drawn_of_bodies(scene: Scene) -> list[str]:
-    """Return the names of the columns of bodies that a scene draws: hardness and layers."""
+    """Return the names of the numbers of bodies that a scene draws.
+
+    They are "hardness" and the names of `Layer.drawn`, also as columns of the database.
+    """
     names = []
     if scene.contact.draws_hardness:
         names.append("hardness")
@@ -378,12 +381,14 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
         deltas = plan.load
     rows = block.end - block.first
     drawn = _drawn_of_bodies(scene)
-    inputs = np.full((rows, 1 + len(STATISTICS) + len(drawn)), np.nan)
+    # Columns of `BlockFeatures.inputs`: Delta, the statistics, and the drawn numbers of bodies.
+    first_of_bodies = 1 + len(STATISTICS)
+    inputs = np.full((rows, first_of_bodies + len(drawn)), np.nan)
     values = np.full((rows, _width(pressed=shared.pressed)), np.nan)
     inputs[:, 0] = deltas
     numbers_of_bodies = {"hardness": plan.hardness, **plan.layer}
-    for place, name in enumerate(drawn):
-        inputs[:, 1 + len(STATISTICS) + place] = numbers_of_bodies[name]
+    for place, name in enumerate(drawn, start=first_of_bodies):
+        inputs[:, place] = numbers_of_bodies[name]
     surface: SurfaceFeatures | None = None
     for row in range(rows):
         is_first_of_surface = row == 0 or plan.surface[row] != plan.surface[row - 1]
@@ -391,7 +396,7 @@ def compute_block(shared: SharedSettings, block: Block) -> BlockFeatures:
             surface = _surface(scene, plan, row, f"row {block.first + row}")
         if surface is None:  # The row failed in the database, too. Its features stay NaN.
             continue
-        inputs[row, 1 : 1 + len(STATISTICS)] = _statistics(surface)
+        inputs[row, 1:first_of_bodies] = _statistics(surface)
         material = _material(scene, plan, row)
         values[row] = _values(surface, float(deltas[row]), material, shared)
     return BlockFeatures(inputs=inputs, values=values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -165,8 +165,8 @@ def predict(
     rows: list[Row] = []
     doubts: list[str] = []
     if surrogate.features.of_scene:
-        given_numbers = _parameters(at, reading, material, layer)
-        numbers: dict[str, Any] = {**given_numbers, **loads}
+        parameters = _parameters(at, reading, material, layer)
+        numbers: dict[str, Any] = {**parameters, **loads}
         rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
         predicted = "means over surfaces" if mean else "new surfaces"
         title = f"Predictions of {predicted} with {100 * level:g} % intervals"
@@ -307,11 +307,26 @@ def _print_reasons(rows: Sequence[Mapping[str, Any]]) -> None:
 def _parameters(
     at: str, reading: Reading, material: options.Material, layer: options.Layer
 ) -> dict[str, float]:
-    """Parse --at, as "hurst=0.7,rms_height=1.2"; return its numbers and the hardness, by name.
+    """Return the numbers of --at and the hardness of --hardness [MPa], if it is given, by name.
 
-    The hardness [MPa] is that of --hardness, if it is given. Raises InputError for options of
-    surfaces, moduli and layers, for a part that is no NAME=NUMBER, and for a name that is given
-    twice.
+    The numbers are in the units of the scene. Raises InputError for options of surfaces, moduli and
+    layers, for a part of --at that is no NAME=NUMBER, and for a name that is given twice, of which
+    "hardness" is one if --hardness is given.
+    """
+    _refuse_options_of_surfaces(reading, material, layer)
+    hardness: dict[str, float] = {}
+    if material.hardness is not None:
+        hardness["hardness"] = material.hardness
+    return hardness | _numbers_at(at, taken=hardness.keys())
+
+
+def _refuse_options_of_surfaces(
+    reading: Reading, material: options.Material, layer: options.Layer
+) -> None:
+    """Raise InputError for options that a surrogate of a scene's own features does not take.
+
+    They are the options of layers, of moduli, and of the preparation of maps. A hardness is
+    allowed.
     """
     if layer != options.Layer():
         raise InputError(
@@ -329,9 +344,15 @@ def _parameters(
         raise InputError(
             "the surrogate reads no surfaces: leave out the options that prepare them"
         )
+
+
+def _numbers_at(at: str, taken: Collection[str]) -> dict[str, float]:
+    """Parse the text of --at, as "hurst=0.7,rms_height=1.2"; return its numbers by name.
+
+    Empty parts between commas are skipped. Raises InputError for a part that is no NAME=NUMBER,
+    for a name that is given twice, and for one of the names `taken` by other options.
+    """
     numbers: dict[str, float] = {}
-    if material.hardness is not None:
-        numbers["hardness"] = material.hardness
     for part in at.split(","):
         if not part:
             continue
@@ -341,7 +362,7 @@ def _parameters(
             number = float(text)
         except ValueError:
             number = math.nan  # which is refused
-        if math.isnan(number) or name in numbers:
+        if math.isnan(number) or name in numbers or name in taken:
             raise InputError(
                 f"--at {quoted(at)}: give NAME=NUMBER once a name, with commas between,"
                 " as hurst=0.7"
@@ -414,11 +435,12 @@ def _order(
     material: options.Material,
     layer: options.Layer,
 ) -> Order:
-    """Return the order of a law with its surfaces, loads and material.
+    """Return the order of a law with its surfaces, loads, material and further quantities.
 
-    `inputs` are the arguments of the command: a surrogate and then surfaces, or surfaces only.
-    `surrogate` is the one that predicts the law; None if the law is solved. Raises InputError for
-    an option whose value is not allowed.
+    The preparation of maps and the settings of tables are added by `law`. `inputs` are the
+    arguments of the command: a surrogate and then surfaces, or surfaces only. `surrogate` is the
+    one that predicts the law; None if the law is solved. Raises InputError for an option whose
+    value is not allowed.
     """
     from gen.law import Order
     from gen.law.order import require_also

@@ -170,23 +170,39 @@ def law_of_surfaces(surrogate: Surrogate, order: Order) -> Law:
     bodies = bodies_of_surfaces(surrogate, order, law_surfaces)
     check_layer(order, bodies)
     settings = LawSettings(order=order, bodies=bodies, interval_level=interval_level)
-    if kind == "pressure":
-        pressures = loads.get("pressure")
-        if pressures is None:
-            pressures = _trained_pressures(surrogate, bodies)
-        # An order may give the pressure 0. A surrogate predicts loads above 0 only.
-        tables = _tables_by_pressure(surfaces, pressures[pressures > 0], settings)
-    else:
-        deltas = loads.get("delta")
-        if deltas is None:
-            low, high = surrogate.card["delta"]
-            deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-        tables = _tables_by_delta(surfaces, deltas, loads.get("pressure"), settings)
+    tables = _tables_of_surfaces(surfaces, loads, kind, settings)
     tables = replace(tables, remarks=[*remarks, *tables.remarks])
     # A law of a population does not use this description of the band.
     band_of_one_surface = f"{100 * order.coverage:g} % conformal interval"
     making = _making(surrogate, band_of_one_surface)
     return law_of(order, law_surfaces, bodies, tables, making)
+
+
+def _tables_of_surfaces(
+    surfaces: Sequence[PredictedSurface],
+    loads: Mapping[Load, Values],
+    kind: Load,
+    settings: LawSettings,
+) -> Tables:
+    """Tabulate the predictions for surfaces over Delta and over pressure.
+
+    `loads` are the loads of the order by kind, and `kind` is the kind of load for which the
+    surrogate predicts. If the order has no loads of this kind, they span the loads of the training.
+    Raises InputError if a coarse solve fails, a prediction is not finite, a stiffness that the
+    order needs cannot be given, or the law has no force or does not reach a pressure of the order.
+    """
+    surrogate = surfaces[0].on_surface.surrogate
+    if kind == "pressure":
+        pressures = loads.get("pressure")
+        if pressures is None:
+            pressures = _trained_pressures(surrogate, settings.bodies)
+        # An order may give the pressure 0. A surrogate predicts loads above 0 only.
+        return _tables_by_pressure(surfaces, pressures[pressures > 0], settings)
+    deltas = loads.get("delta")
+    if deltas is None:
+        low, high = surrogate.card["delta"]
+        deltas = np.unique(np.linspace(float(low), float(high), STEPS))
+    return _tables_by_delta(surfaces, deltas, loads.get("pressure"), settings)
 
 
 def law_of_parameters(

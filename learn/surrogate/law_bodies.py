@@ -38,13 +38,14 @@ def bodies_of_surfaces(
     ------
     InputError
         If the surrogate cannot predict these bodies. Also if a scene that has to give the layer
-        draws it, or another input has a different one or none.
+        draws it, or another input has a different one or none; or if the scenes that have to give
+        the hardness have several over E*, or only some of them have one.
     """
     layered = order.layered
     if layered is None and order.e_star is None:
         layered = law_surfaces.layered_body()
     e_star = order.e_star
-    modulus = order.e_star or surrogate.modulus
+    modulus = order.e_star or surrogate.modulus  # E* of the bodies [MPa]
     body: bem.Layered | None = None
     if layered is not None:
         e_star = None  # `Surrogate.bodies` takes it from the layer
@@ -52,9 +53,9 @@ def bodies_of_surfaces(
         body = under_a_rigid_body(layered)
     hardness = order.hardness
     if hardness is None:
-        ratio = law_surfaces.hardness_ratio()
-        if ratio is not None:
-            hardness = ratio * modulus
+        hardness_ratio = law_surfaces.hardness_ratio()
+        if hardness_ratio is not None:
+            hardness = hardness_ratio * modulus
     return surrogate.bodies(e_star, hardness, body)
 
 
@@ -102,5 +103,5 @@ def _hardness(
     limits = surrogate.hardness_limits  # over E*
     if limits is None:
         return None
-    ratio = numbers.get("hardness_ratio", limits[0])
-    return ratio * e_star
+    smallest_ratio, _ = limits
+    return numbers.get("hardness_ratio", smallest_ratio) * e_star
