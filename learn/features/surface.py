@@ -324,7 +324,7 @@ class SurfaceFeatures:
         hardness_ratio : float or ndarray, shape (k,), optional
             Hardness over E*; bodies are elastic if left out.
         e_star : float
-            E* of a half-space [MPa], used for pressures only.
+            E* of half-spaces [MPa], used for pressures only; layers have their own E*.
         bodies : sequence of bem.Layered
             Body of each row, or one body for all rows; empty for half-spaces.
 
@@ -343,16 +343,16 @@ class SurfaceFeatures:
         InputError
             If a load is not finite or not above 0, or a coarse solve fails.
         """
+        layers: Layers | None = None
+        e_star_of_bodies: Values | float = e_star
+        if bodies:
+            layers = Layers.of_bodies(bodies)
+            e_star_of_bodies = layers.e_star
         # Delta, or the length p L / E* that replaces it under pressures.
         lengths = loads
         scene_numbers: dict[str, Values] = {}
-        layers: Layers | None = None
-        modulus: Values | float = e_star
-        if bodies:
-            layers = Layers.of_bodies(bodies)
-            modulus = layers.e_star
         if features.by_pressure:
-            lengths = by_pressure(loads, self.length, modulus)
+            lengths = by_pressure(loads, self.length, e_star_of_bodies)
             scene_numbers["pressure"] = loads
         self._require_usable(loads, lengths, are_pressures=features.by_pressure)
         notes: tuple[str, ...] = ()

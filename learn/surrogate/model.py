@@ -261,7 +261,7 @@ class Surrogate:
                 raise InputError(
                     f"the surrogate asks for {names}, not for a surface or E*"
                 )
-            # `delta` and `hardness` may be numbers of the scene, too.
+            # `delta` and `hardness` may be numbers of the scene, too; None if they are left out.
             by_name = {"delta": delta, "hardness": hardness, **numbers}
             scene_numbers = {
                 name: value for name, value in by_name.items() if value is not None
@@ -279,7 +279,7 @@ class Surrogate:
                 " means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
-        checked_hardness = None
+        checked_hardness: float | None = None
         if hardness is not None:
             with input_errors():
                 checked_hardness = real_number("hardness", hardness, HARDNESS)
