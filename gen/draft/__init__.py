@@ -5,8 +5,8 @@ the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft
 population to maps of one kind or to scans of one surface: `gen.draft.bands` determines spectra,
 `gen.draft.joined` joins those of scans, `gen.draft.height_curve` fits the distribution of heights,
 `gen.draft.curve_choice` chooses between its two forms, and `gen.draft.imperfections` separates pits
-and dust. `gen.draft.judge` compares surfaces with a map by the contact, `gen.draft.press` solves it,
-and `gen.draft.writing` writes the scene.
+and dust. `gen.draft.judge` compares surfaces with a map by the contact, which `gen.draft.press`
+solves, and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
