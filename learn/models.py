@@ -157,7 +157,7 @@ MODELS: dict[str, Model] = {
         Model(
             name="gaussian-process",
             title="GP Regressor",
-            path="sklearn.gaussian_process.GaussianProcessRegressor",
+            path="learn.gaussian_process.LengthProcess",
             baseline={"kernel": partial(_kernel, "fixed"), "optimizer": None},
             tuned={"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
             growth=3.0,

@@ -119,7 +119,7 @@ def tune(
     fits, the baseline wins.
 
     With `--candidates` the paper's optimum is judged, too. Of candidates that take longer than five
-    minutes of processor time, only the best one and the optimum are judged.
+    minutes of processor time, only the optimum and the best other one are judged.
 
     Every finished fit is kept: interrupted or killed, the same command goes on. Started as
     `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do

@@ -50,7 +50,7 @@ JUDGED = 0.75  # share of the time for judging; the rest is for the last fit of 
 FACTOR = 3
 LEAST_ROWS = 300  # smallest number of training rows of the first step
 # Largest processor time of a candidate in a step of `choose` [s]. Of the candidates that take
-# longer, only the best one and the optimum take part.
+# longer, only the optimum and the best other one take part.
 LONGEST = 300.0
 
 Family = tuple[str, ...]
@@ -301,25 +301,19 @@ class GridSearch:
     ) -> list[Family]:
         """Return the families that take part in a step of `choose`.
 
-        They are the family of the optimum, the first one in `order`, and the next ones whose fits
-        are not long, until they have `wanted` candidates besides those of the optimum's family. If
-        there is no optimum, or its family is the first one, the others are counted likewise.
+        They are the family of the optimum, the first other one in `order`, and the next ones whose
+        fits are not long, until there are `wanted` candidates besides the optimum's family.
         """
-        optimal = [family for family in self.grid.families if self.optimum in family]
-        # A dictionary keeps the first of equal keys.
-        required = list(dict.fromkeys([*optimal, *order[:1]]))
-        families = list(required)
-        counted = _size(required) - _size(optimal)
-        for family in order:
+        families = [family for family in self.grid.families if self.optimum in family]
+        others = [family for family in order if family not in families]
+        families += others[:1]
+        counted = _size(others[:1])
+        for family in others[1:]:
             if counted >= wanted:
                 break
-            if (
-                family in required
-                or self._expected_seconds(family, rows, folds) > LONGEST
-            ):
-                continue
-            families.append(family)
-            counted += len(family)
+            if self._expected_seconds(family, rows, folds) <= LONGEST:
+                families.append(family)
+                counted += len(family)
         return families
 
     def _expected_seconds(self, family: Family, rows: int, folds: int) -> float:
