@@ -88,6 +88,6 @@ WEIGHTS = {
 """Weights by the kind of surface and by the answer.
 
 They are fitted on 2,000 contacts of 22 kinds of surface, so that about 95 % of the errors of each
-answer are inside, and 86 % and more of those on each kind. Those of the summit and those of creases are of an earlier fit, on 3,300
+answer are inside. Those of the summit and those of creases are of an earlier fit, on 3,300
 contacts. `python -m bench grid-error` and `python -m bench accuracy` test them on other surfaces.
 """

@@ -224,7 +224,7 @@ def test_full_contact_of_ridges_with_cusps_is_not_resolved():
 
 
 def test_blunt_creases_are_told_from_waves_of_six_nodes():
-    """Over two nodes both bend as much more than over one; over four, such waves bend no further."""
+    """Both bend as much more over two nodes than over one; waves bend no further over four."""
     x = np.arange(96) / 96
     gentle = 0.2 * np.sin(2 * np.pi * x)
     waves = np.add.outer(gentle + 0.01 * np.sin(2 * np.pi * 16 * x), gentle)
