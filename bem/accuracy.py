@@ -424,11 +424,11 @@ class _Search:
         if not self.trials:
             if is_map or self._expected_bar(nodes) <= smallest_error:
                 return True
-            # Even the map is expected to miss the errors. A grid of half of its nodes a side costs
-            # less, and tells whether the map is hopeless.
-            is_half = FURTHEST * max(nodes) >= max(map_nodes)
-            bar_of_map = self._expected_bar(map_nodes)
-            return is_half and HOPELESS * smallest_error < bar_of_map < math.inf
+            if FURTHEST * max(nodes) < max(map_nodes):
+                return False
+            # If even the map is expected to miss the errors, a grid of half of its nodes a side
+            # costs less, and tells whether the map is hopeless.
+            return HOPELESS * smallest_error < self._expected_bar(map_nodes) < math.inf
         last_nodes = self.trials[-1].nodes
         is_far = max(nodes) >= FURTHEST * max(last_nodes)
         if self.last_ratio == math.inf:

@@ -477,6 +477,53 @@ class CosineFilter:
                 self.field[:] = result
 
 
+class RowTransform:
+    """Transforms of real rows, one band of rows after the other: Fourier's waves or cosines.
+
+    Parameters
+    ----------
+    rows : int
+        Number of rows in a band.
+    columns : int
+        Nodes of a row.
+    is_periodic : bool
+        Whether rows repeat themselves, so that they have Fourier's waves. Otherwise they have the
+        cosines of rows that mirror themselves half a node beyond their ends.
+
+    Attributes
+    ----------
+    band : ndarray, shape (rows, columns)
+        Buffer for the rows, which `waves` may overwrite.
+    count : int
+        Number by which amplitudes are multiplied in `waves`: nodes of a period.
+    """
+
+    def __init__(self, rows: int, columns: int, *, is_periodic: bool) -> None:
+        self.band = _aligned((rows, columns), np.float64)
+        self.count = columns if is_periodic else 2 * columns
+        self._waves: Any = None
+        self._plan: Plan | None = None
+        if is_periodic:
+            self._waves = _aligned((rows, columns // 2 + 1), np.complex128)
+            with unforked():
+                self._plan = _plan(self.band, self._waves)
+
+    def waves(self) -> Any:
+        """Transform the rows in the buffer.
+
+        Returns
+        -------
+        ndarray, shape (rows, columns // 2 + 1) or (rows, columns)
+            Complex amplitudes of the waves, or real ones of the cosines, times `count`. The next
+            call may overwrite them [unit of the rows].
+        """
+        if self._plan is None:
+            with unforked():
+                return fft.dct(self.band, overwrite_x=True)
+        self._plan.execute()
+        return self._waves
+
+
 def _wave_type(factors: Real) -> np.dtype[Any]:
     """Return the complex type of waves with the precision of their factors."""
     return np.result_type(factors.dtype, np.complex64)
