@@ -511,9 +511,13 @@ class _Waves:
         waves_per_number = 0.5  # numbers count half waves in a mirrored patch
         if self.is_periodic:
             waves_per_number = 1.0
+        # Waves of a number and of its opposite have the same slopes.
+        mean_squares = np.bincount(
+            np.abs(self.along), self.times_along * (squares @ self.times_across)
+        )
         along = _SlopesOfWaves(
-            mean_squares=self.times_along * (squares @ self.times_across),
-            wavenumbers=waves_per_number * np.sqrt(self.steepness_along),
+            mean_squares=mean_squares,
+            wavenumbers=waves_per_number * np.arange(mean_squares.size) / self.along.size,
             spacing=1.0,
         )
         across = _SlopesOfWaves(
