@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from bem.arrays import Field, Nodes, Values
 from bem.bodies import HALF_SPACE, Body
 from bem.derived.grid_error import FEWEST, order_of_slopes, slope_order_of_lines
-from bem.operators.filters import RowTransform
+from bem.operators.filters import row_transform
 from bem.problem import Boundary
 from bem.threads import computed_once
 
@@ -377,9 +377,10 @@ class _Rows:
         `ROWS_AT_ONCE`, which fit into the processor's cache.
         """
         rows, columns = heights.shape
-        transform = RowTransform(ROWS_AT_ONCE, columns, is_periodic=is_periodic)
+        transform = row_transform(ROWS_AT_ONCE, columns, is_periodic)
         amplitudes: list[NDArray[Any]] = []
         sums: list[Values] = []
+        transform.band.fill(0)  # the last band may have fewer rows
         for first in range(0, rows, ROWS_AT_ONCE):
             number = min(ROWS_AT_ONCE, rows - first)
             band = transform.band[:number]
@@ -514,7 +515,7 @@ class _Waves:
         # Waves of a number and of its opposite have the same slopes.
         mean_squares = np.bincount(
             np.abs(self.along), self.times_along * (squares @ self.times_across)
-        )
+        ).astype(np.float64, copy=False)
         along = _SlopesOfWaves(
             mean_squares=mean_squares,
             wavenumbers=waves_per_number * np.arange(mean_squares.size) / self.along.size,
