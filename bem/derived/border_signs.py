@@ -7,7 +7,8 @@ changes, and by how much:
   Each edge adds about the same part of a cell to the error of an area.
 - The scatter of the border. The places of the border at two edges are independent draws, so that
   their errors cancel in part. Where the border is straight along an axis, or repeats itself as that
-  of regular waves does, all edges of a piece have the same place, and their errors add up.
+  of regular waves does, all edges of a piece have the same place, and their errors add up. As a
+  share of the open nodes it tells by how much the open area is off, and with it the mean gap.
 - The work of the border: the pressures inside, times the gaps outside. Where the border is moved by
   a node, the load does about this work. Delta under a given force changes by the work over the
   force.

@@ -32,7 +32,7 @@ from learn.comparison.folder import (
     SearchReport,
     StoredResult,
 )
-from learn.comparison.grid import LEAST_JUDGED, LIBRARY
+from learn.comparison.grid import LIBRARY
 from learn.metrics import BOOTSTRAP, LEVEL, Scores, bootstrap, no_better, spread
 from learn.models import EVERY
 
@@ -290,7 +290,7 @@ def winner_of(search: SearchReport) -> str:
         judged; "" for a report of an earlier version that has failures and no winner.
     """
     # Reports of earlier versions name a winner of too few candidates, too.
-    needed = min(LEAST_JUDGED, search.candidates_differing)
+    needed = min(search.enough, search.candidates_differing)
     if search.candidates_scored < needed and not search.failures:
         return NOT_SEARCHED
     return search.winner or ""
