@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.draft.parts import MOST_OUTSIDE, PATCHES, Outside, compare_ranges, cut_parts
+from gen.draft.parts import PATCHES, Outside, compare_ranges, cut_parts
 from gen.draft.writing import KAPPA
 from gen.maps.read import Sides
 from gen.material import Bodies
@@ -116,7 +116,7 @@ class Judgement:
     # ratios by the name of the answer, one under each pressure
     answers: Mapping[str, tuple[Ratio, ...]]
     geometry: Mapping[str, Ratio]  # ratios of numbers of the heights, by name
-    # names of statistics of the map's windows that are beyond the range of the surfaces
+    # parts of the map whose statistics are beyond the ranges of the surfaces
     outside: Outside
 
     @property
@@ -157,7 +157,7 @@ class Judgement:
     @property
     def sentence_on_ranges(self) -> str:
         """A sentence on the feature ranges of a surrogate of the surfaces."""
-        if self.outside.share <= MOST_OUTSIDE:
+        if self.outside.is_rare:
             return "the features of a surrogate of these surfaces reach the map's"
         names = ", ".join(self.outside.names[:MOST_NAMES])
         return (

@@ -71,9 +71,23 @@ def cut_parts(heights: Heights, nodes: int) -> list[Heights]:
 class Outside:
     """The parts of a map that a surrogate of surfaces flags by the ranges of its features."""
 
-    share: float  # share of the parts of which any statistic is beyond its range [1]
+    number: int  # number of parts of which any statistic is beyond its range
+    parts: int  # number of all parts
     # names of the statistics that are beyond their ranges, the most frequent ones first
     names: tuple[str, ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the parts that are beyond a range [1]."""
+        return self.number / self.parts
+
+    @property
+    def is_rare(self) -> bool:
+        """Whether so few parts are beyond a range that the surrogate is said to hold the map.
+
+        It is the share `MOST_OUTSIDE` at most, or a single part, which may be so by chance.
+        """
+        return self.number <= max(1.0, MOST_OUTSIDE * self.parts)
 
 
 def compare_ranges(
@@ -105,7 +119,8 @@ def compare_ranges(
     shares = is_outside.mean(axis=0)
     order = np.argsort(-shares, kind="stable")
     return Outside(
-        share=float(is_outside.any(axis=1).mean()),
+        number=int(is_outside.any(axis=1).sum()),
+        parts=len(parts),
         names=tuple(names[place] for place in order if shares[place] > 0),
     )
 
@@ -146,7 +161,7 @@ def with_parts(
         places = np.linspace(0, len(parts) - 1, MOST_PARTS).astype(int)
         parts = [parts[place] for place in places]
     patches = patches_of(population, nodes, PATCHES)
-    if compare_ranges(parts, patches, population.spacing).share <= MOST_OUTSIDE:
+    if compare_ranges(parts, patches, population.spacing).is_rare:
         return population
     return replace(population, parts=_fitted_parts(parts, patches, population.spacing))
 
