@@ -23,10 +23,10 @@ from gen.draft.joined import judged_scan, surface_at_nodes
 from gen.draft.judge import (
     Judgement,
     Maker,
+    compare_parts,
     judge_surfaces,
     print_judgement,
     print_reach,
-    statistics_beyond,
 )
 from gen.draft.likeness import NODES as LAW_NODES
 from gen.draft.likeness import NoLaw, propose_like
@@ -289,7 +289,7 @@ def _judged(
     spacing = topography.spacing
     judgement = judge_surfaces(heights, spacing, make, bodies)
     print_judgement(judgement, kind)
-    print_reach(statistics_beyond(heights, spacing, make, nodes))
+    print_reach(compare_parts(heights, spacing, make, nodes))
     return judgement
 
 

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from gen.arrays import Heights, Values
+from gen.draft.parts import PATCHES, Outside, compare_ranges, cut_parts
 from gen.draft.press import (
     ANSWERS,
     Answers,
@@ -50,11 +51,7 @@ EXPLAINED = 0.99
 CHANGE_BY_OTHERS = 1.04
 # relative scatter of an answer above which an agreement decides nothing [1]
 WIDE = 0.3
-# Half of the range of a feature in a database of a few thousand rows, in standard deviations of the
-# feature.
-HALF_RANGE = 3.5
-# number of patches whose features are compared with those of the map's windows
-PATCHES = 20
+MOST_NAMES = 5  # largest number of statistics that the sentence on ranges names
 
 Verdict = Literal["of its kind", "undecided", "not of its kind"]
 
@@ -357,13 +354,8 @@ def _ratios(
     )
 
 
-def statistics_beyond(
-    heights: Heights, spacing: Sides, make: Maker, nodes: int
-) -> list[str]:
-    """Find the statistics of a map's windows that are beyond those of many surfaces.
-
-    A statistic of the map is its mean over all windows. The range of the surfaces is their mean,
-    over `PATCHES` of them, and `HALF_RANGE` standard deviations on both sides of it.
+def compare_parts(heights: Heights, spacing: Sides, make: Maker, nodes: int) -> Outside:
+    """Compare parts of a map with as many surfaces as give the ranges of a surrogate.
 
     Parameters
     ----------
@@ -374,32 +366,19 @@ def statistics_beyond(
     make : Maker
         Function that makes a surface with the map's spacing.
     nodes : int
-        Nodes along each side of the windows and of the surfaces, as those of a scene's patches.
+        Nodes along each side of the parts and of the surfaces, as those of a scene's patches.
 
     Returns
     -------
-    list of str
-        Names of the statistics.
+    Outside
+        The parts whose statistics are beyond the ranges of the surfaces.
     """
-    nx, ny = (min(nodes, side) for side in heights.shape)
-    starts_x = range(0, heights.shape[0] - nx + 1, nx)
-    starts_y = range(0, heights.shape[1] - ny + 1, ny)
-    windows = [heights[x : x + nx, y : y + ny] for x in starts_x for y in starts_y]
-    surfaces = [
-        make((nx, ny), np.random.default_rng([PATCHES, seed])) for seed in range(PATCHES)
+    parts = cut_parts(heights, nodes)
+    patches = [
+        make(parts[0].shape, np.random.default_rng([PATCHES, seed]))
+        for seed in range(PATCHES)
     ]
-    of_map = [describe(window, spacing).values for window in windows]
-    of_surfaces = [describe(surface, spacing).values for surface in surfaces]
-    names = []
-    for name in of_map[0]:
-        value = float(np.mean([statistics[name] for statistics in of_map]))
-        values = np.array([statistics[name] for statistics in of_surfaces])
-        distance = abs(value - values.mean())
-        reach = HALF_RANGE * values.std(ddof=1)
-        # Equal statistics of all surfaces differ by rounding.
-        if distance > max(reach, 1e-6 * abs(value)):
-            names.append(name)
-    return names
+    return compare_ranges(parts, patches, spacing)
 
 
 def print_judgement(judgement: Judgement, kind: str) -> None:
@@ -425,18 +404,19 @@ def print_judgement(judgement: Judgement, kind: str) -> None:
     echo(f"verdict: {judgement.sentence}")
 
 
-def print_reach(names: Sequence[str]) -> None:
-    """Print whether the feature ranges of a surrogate of the surfaces would hold the map.
+def print_reach(outside: Outside) -> None:
+    """Print whether the feature ranges of a surrogate of the surfaces hold the map.
 
     Parameters
     ----------
-    names : sequence of str
-        Names of statistics of the map that are beyond those of the surfaces.
+    outside : Outside
+        The parts of the map whose statistics are beyond the ranges of the surfaces.
     """
-    if names:
-        echo(
-            "a surrogate of these surfaces would flag the map:"
-            f" {', '.join(names)} beyond its range"
-        )
-    else:
+    if outside.is_rare:
         echo("the features of a surrogate of these surfaces reach the map's")
+        return
+    names = ", ".join(outside.names[:MOST_NAMES])
+    echo(
+        f"a surrogate of these surfaces would flag {100 * outside.share:.0f} % of the patches of"
+        f" the map: {names} beyond its range"
+    )

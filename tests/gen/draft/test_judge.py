@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gen import cli
-from gen.draft.judge import Judgement, Ratio, judge_surfaces, statistics_beyond
+from gen.draft.judge import Judgement, Ratio, compare_parts, judge_surfaces
 from gen.draft.press import SHARES
 from gen.material import Bodies
 from gen.population import generate_like
@@ -30,7 +30,7 @@ def test_a_surface_of_the_population_is_of_its_kind():
     judgement = judged(heights)
     assert judgement.verdict == "of its kind"
     assert judgement.sentence.startswith("of its kind")
-    assert statistics_beyond(heights, (1.0, 1.0), make, nodes=32) == []
+    assert compare_parts(heights, (1.0, 1.0), make, nodes=32).is_rare
     assert len(judgement.pressures) == len(SHARES)
 
 
