@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from page_parts import written
 
-from bench.answers import FREE, lines
+from bench.answers import FIRST, FREE, FURTHER, lines
 from bench.contents import Table, tabulated
 from bench.record import Inputs
 from bench.report import PARTS
@@ -54,9 +54,13 @@ RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
 
 def test_all_questions_are_answered_by_what_is_published():
     inputs = Inputs(RESULTS, None, None, full=True)
-    found = lines(PARTS, inputs)
-    assert len(found) == 11
-    assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in found)
+    questions = (*FIRST, *FURTHER)
+    answers = lines(PARTS, inputs, questions)
+    assert [line.question for line in answers] == [
+        question.text for question in questions
+    ]
+    assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in answers)
+    assert all(line.command.startswith("asperity bench ") for line in answers[:6])
 
 
 def test_what_is_not_there_is_not_listed(tmp_path):
@@ -64,7 +68,7 @@ def test_what_is_not_there_is_not_listed(tmp_path):
     (tmp_path / "grow" / "grow.csv").write_text(
         "asked,seed\n3,1\n"
     )  # lacks what is asked
-    assert lines(PARTS, Inputs(tmp_path, None, None, full=False)) == []
+    assert lines(PARTS, Inputs(tmp_path, None, None, full=False), FURTHER) == []
 
 
 def test_the_fastest_other_solver_is_chosen_case_by_case():
