@@ -30,6 +30,20 @@ def test_numbers_are_short(text, expected, tmp_path):
     assert tabulated(Table(data, "")).rows[0][0].text == expected
 
 
+def test_large_forces_are_shown_in_newtons(tmp_path):
+    rows: list[list[object]] = [
+        ["force_uN", "hardness_MPa"],
+        [5.0784e7, 2000],
+        ["", "inf"],
+    ]
+    table = tabulated(Table(written("data.csv", rows, tmp_path), ""))
+    assert [title.text for title in table.titles] == ["force [N]", "hardness [MPa]"]
+    assert [[cell.text for cell in row] for row in table.rows] == [
+        ["50.78", "2000"],
+        ["", "∞"],
+    ]
+
+
 def test_tables_without_a_column_are_refused(tmp_path):
     data = written("data.csv", [["value"], [1]], tmp_path)
     with pytest.raises(InputError, match="has no column nothing"):
