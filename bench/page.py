@@ -36,6 +36,9 @@ LONG = 25
 LONGEST = 1000
 """Largest number of rows of a table in the manual. The page of all reports has all rows."""
 
+WIDE = 900
+"""Width of a picture above which pages of the manual scroll it sideways on a phone [pixels]."""
+
 FIRST_PART = "accuracy"
 """Name of the part whose first picture is at the top of the page."""
 
@@ -300,9 +303,7 @@ def _filled_content(content: Content) -> dict[str, Any]:
     """
     values = {**vars(content), "kind": type(content).__name__}
     if isinstance(content, Figure):
-        # Bytes 16 to 24 of a PNG file are its width and its height, four bytes each.
-        header = content_of(content.picture)[16:24]
-        values["size"] = (int.from_bytes(header[:4]), int.from_bytes(header[4:]))
+        values["size"] = picture_size(content.picture)
         values["source"] = _address(content.picture, "image/png")
     elif isinstance(content, Table):
         values["table"] = tabulated(content)
@@ -407,7 +408,43 @@ def answer_table(answers: Sequence[Line]) -> str:
 def _figure_block(figure: Figure, title: str, folder: Path) -> str:
     """Return a picture with its caption as Markdown, for a page of the manual in a folder."""
     picture = relpath(figure.picture, folder)
-    return f":::{{figure}} {picture}\n:alt: {title}\n\n{_prose(figure.caption)}\n:::"
+    style = ":class: wide\n" if is_wide(figure.picture) else ""
+    return (
+        f":::{{figure}} {picture}\n:alt: {title}\n{style}\n{_prose(figure.caption)}\n:::"
+    )
+
+
+def is_wide(picture: Path) -> bool:
+    """Return whether a PNG file is so wide that a phone cannot show its letters legibly.
+
+    Parameters
+    ----------
+    picture : Path
+        The file.
+
+    Returns
+    -------
+    bool
+        Whether it has more than `WIDE` pixels across.
+    """
+    return picture_size(picture)[0] > WIDE
+
+
+def picture_size(picture: Path) -> tuple[int, int]:
+    """Return the width and the height of a PNG file [pixels].
+
+    Parameters
+    ----------
+    picture : Path
+        The file.
+
+    Returns
+    -------
+    tuple of int
+        Bytes 16 to 24 of the file are its width and its height, four bytes each.
+    """
+    header = content_of(picture)[16:24]
+    return int.from_bytes(header[:4]), int.from_bytes(header[4:])
 
 
 def _blocks_of(content: Content, part: Part, folder: Path) -> list[str]:

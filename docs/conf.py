@@ -22,9 +22,11 @@ extensions = [
     "results",
     "link_check",
 ]
+templates_path = ["templates"]
 exclude_patterns = [
     "_build",
     "extensions",
+    "templates",
     "gallery/*.ipynb",
     "gallery/*.py",
     "gallery/*.json",

@@ -20,6 +20,8 @@ from shutil import copyfile
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from bench.page import is_wide
+
 ROOT = Path(__file__).resolve().parents[2]
 DRAWN = ROOT / "docs" / "_build" / "pictures"
 
@@ -115,7 +117,11 @@ def draw(steps: Sequence[Step], path: Path) -> None:
 
 def picture(name: str, words: list[str], folder: Path) -> str:
     """Return what shows a picture on a page in a folder; `words` describe it for the blind."""
-    return f"![{' '.join(words)}]({relpath(picture_path(name), folder)})"
+    path = picture_path(name)
+    style = ""
+    if path.suffix == ".png" and is_wide(path):
+        style = ":class: wide\n"
+    return f":::{{image}} {relpath(path, folder)}\n:alt: {' '.join(words)}\n{style}:::"
 
 
 def readme_digest() -> str:
