@@ -73,7 +73,10 @@ def beside_the_papers(row: Row) -> str:
 
 
 def searched() -> list[str]:
-    """Scores of the winners of the search of all nine grids, with the candidates that it judged."""
+    """Scores of the winners of the search of all nine grids, with the candidates that it judged.
+
+    Tables of before version 1.1.0 do not say which settings of a winner are at an end.
+    """
     rows_of_scores = scores("search")
     lines = []
     for row in table("search/area/tuning.csv"):
@@ -85,7 +88,10 @@ def searched() -> list[str]:
         winner = rows_of_scores[model, "tuned"]
         r2 = cells(winner, "r2", "paper_r2")
         nmae = cells(winner, "nmae", "paper_nmae")
-        lines.append(f"| {title} | {judged} | {row['winner']} | {nmae} | {r2} |")
+        ends = row.get("ends") or "-"
+        lines.append(
+            f"| {title} | {row['rows']} | {judged} | {row['winner']} | {ends} | {nmae} | {r2} |"
+        )
     return lines
 
 
@@ -496,9 +502,11 @@ TABLES = {
     ),
     "searched": PageTable(
         (
-            "learnt from 300 rows",
+            "model",
+            "training rows",
             "candidates judged",
             "winner",
+            "at an end of the values tried",
             "nMAE [%]",
             "the paper's",
             "R2 [%]",

@@ -150,6 +150,18 @@ def test_parts_that_take_no_times_are_made_side_by_side(tmp_path, monkeypatch, c
     assert set(said[1:3]) == {"two", "three"}
 
 
+def test_parts_that_take_hours_have_to_be_named_and_have_no_limit(tmp_path, monkeypatch):
+    parts = [part("short", WRITE), replace(part("long", WRITE), named=True)]
+    monkeypatch.setattr(running, "PARTS", parts)
+    monkeypatch.setattr(running, "write_page", lambda *_: tmp_path / "index.html")
+    assert main(["run", "-o", str(tmp_path)]) == 0
+    assert (tmp_path / "short" / "made.txt").exists()
+    assert not (tmp_path / "long").exists()
+    monkeypatch.setattr(running, "COMMAND_LIMIT", 0.0)
+    assert main(["run", "-o", str(tmp_path), "long"]) == 0
+    assert (tmp_path / "long" / "made.txt").exists()
+
+
 def test_a_part_that_hangs_is_ended_and_failed(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "COMMAND_LIMIT", 0.0)
     monkeypatch.setattr(running, "END_LIMIT", 0.1)
