@@ -43,7 +43,8 @@ def documented(cls: type) -> dict[str, list[str]]:
             or not inspect.getdoc(member)
         ):
             continue
-        if inspect.isroutine(getattr(cls, name)):
+        value = getattr(cls, name)
+        if inspect.isfunction(value) or inspect.ismethod(value):
             methods.append(name)
         elif hasattr(member, "__get__"):
             attributes.append(name)
