@@ -41,6 +41,7 @@ ONE_HOME = {
 
 TESTED_TOGETHER = {
     "tests/asperity/test_children.py": "processes that commands start, in every command that does",
+    "tests/asperity/test_earlier_files.py": "files of version 1.0.0, in every command",
     "tests/asperity/test_strangers_files.py": "code that files name, in every command",
     "tests/bem/test_edgeless.py": "a property of all solves: patches without edges",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
