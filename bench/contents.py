@@ -31,6 +31,7 @@ UNITS = {
     "uN": "µN",
     "MPa": "MPa",
     "K": "K",
+    "MB": "MB",
 }
 """Units as they are shown, by the last word of a column's name."""
 

@@ -294,10 +294,19 @@ def toml_of(means: Sequence[PopulationMean]) -> list[str]:
             ratio = abs(mean.mean) / tolerance
             digits = max(2, 2 + math.ceil(math.log10(ratio)))
         lines.append(
-            f"{mean.column} = {{ mean = {mean.mean:.{digits}g},"
-            f" tolerance = {tolerance:.2g} }}"
+            f"{mean.column} = {{ mean = {_in_toml(mean.mean, digits)},"
+            f" tolerance = {_in_toml(tolerance, 2)} }}"
         )
     return lines
+
+
+def _in_toml(number: float, digits: int) -> str:
+    """Write a number with its significant digits, and an exponent only if it is far from 1."""
+    if number and not 1e-4 <= abs(number) < 1e7:
+        return f"{number:.{digits}g}"
+    return np.format_float_positional(
+        number, precision=digits, unique=False, fractional=False, trim="-"
+    )
 
 
 def _rounded_up(number: float) -> float:
