@@ -92,3 +92,8 @@ axis.loglog(pressures, 100 * pressures / 2000, "k:", label="load / hardness")
 axis.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
 axis.legend(fontsize="small")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number.
+
+np.testing.assert_allclose(np.abs(off).max(), 0.08, atol=0.01)
