@@ -18,12 +18,15 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx_gallery.gen_gallery",
     "mathml",
+    "pictures",
     "results",
     "link_check",
 ]
+templates_path = ["templates"]
 exclude_patterns = [
     "_build",
     "extensions",
+    "templates",
     "gallery/*.ipynb",
     "gallery/*.py",
     "gallery/*.json",

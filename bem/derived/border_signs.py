@@ -7,7 +7,8 @@ changes, and by how much:
   Each edge adds about the same part of a cell to the error of an area.
 - The scatter of the border. The places of the border at two edges are independent draws, so that
   their errors cancel in part. Where the border is straight along an axis, or repeats itself as that
-  of regular waves does, all edges of a piece have the same place, and their errors add up.
+  of regular waves does, all edges of a piece have the same place, and their errors add up. As a
+  share of the open nodes it tells by how much the open area is off, and with it the mean gap.
 - The work of the border: the pressures inside, times the gaps outside. Where the border is moved by
   a node, the load does about this work. Delta under a given force changes by the work over the
   force.
@@ -18,11 +19,11 @@ changes, and by how much:
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from bem.arrays import Field, Mask, Values
+from bem.derived.border import with_rim
 from bem.problem import Boundary
 
 # Relative difference of two heights, over the range of all heights, below which they are the same:
@@ -88,9 +89,8 @@ def border_signs(
     if boundary == "free":
         outer = _outer_nodes(touching) / nodes
     # Beyond a border a patch repeats itself, or its outer nodes are repeated.
-    mode: Literal["wrap", "edge"] = "wrap" if boundary == "periodic" else "edge"
-    continued_pressure = np.pad(pressure, 1, mode)
-    continued_gap = np.pad(gap, 1, mode)
+    continued_pressure = with_rim(pressure, boundary, 1)
+    continued_gap = with_rim(gap, boundary, 1)
     inside = continued_pressure > 0
     at_border = np.zeros_like(touching)
     edges = 0

@@ -34,7 +34,7 @@ from bem.arrays import Field, Nodes
 from bem.derived.bar_weights import WEIGHTS
 from bem.derived.border_signs import BorderSigns, border_signs
 from bem.derived.coarser import at_coarser_nodes, coarser
-from bem.derived.opened import Opened, opened_between_nodes
+from bem.derived.opened import Opened, opened_unseen
 from bem.far_field import BeyondCriticalDelta
 from bem.problem import Boundary, NoSolution, check_solvable
 from bem.threads import computed_once
@@ -47,6 +47,12 @@ if TYPE_CHECKING:
 # which the surface touches at creases [1]. It is 16 on a smooth surface, 8 at creases, 11.7 where
 # all waves have 8 nodes and 9 where they have 6.
 OF_CREASES = 9.0
+
+# Ratio below which the surface touches at creases if the ratio of the mean squares over four nodes
+# and over two is above the second number [1]. At creases the latter is 8, too. Where all waves have
+# 6 or 8 nodes it is 1 or 4, and at most 5.4 on the surfaces to which the weights were fitted.
+OF_BLUNT_CREASES = 10.5
+FROM_TWO_TO_FOUR = 5.8
 
 # Least error that remains on a free patch without a datum, over the one removed by halving the
 # spacing [1]. The outer cells of the coarser grid reach further there, which adds an error in
@@ -197,6 +203,7 @@ class GridError:
             value=self.contact.delta,
             at_least=self._opened.gap,
             by_work=self.border.work,
+            by_open_scatter=self._gap_by_scatter,
             by_summit=self.summit,
         )
 
@@ -218,13 +225,16 @@ class GridError:
         """Half-width of the bar of `Contact.mean_gap` [um]."""
         contact = self.contact
         by_work = self.border.work
+        by_open_scatter = self._gap_by_scatter
         by_summit = 0.0
         if contact.problem.delta is not None:
             # A higher summit moves the bodies apart, and the larger force deforms them more.
             displaced = self.growth * float(contact.displacement.mean())
             by_summit = self.summit - displaced
             if contact.problem.boundary != "free":
-                by_work = 0.0  # without edges the mean gap follows from Delta alone
+                # Without edges the mean gap follows from Delta alone.
+                by_work = 0.0
+                by_open_scatter = 0.0
         gap_of_open_nodes = contact.mean_gap * contact.pressure.size / self._open_nodes
         return self._bar(
             "mean_gap",
@@ -233,6 +243,7 @@ class GridError:
             at_least=self._opened.gap,
             by_outer_nodes=gap_of_open_nodes * self.border.outer,
             by_work=by_work,
+            by_open_scatter=by_open_scatter,
             by_summit=by_summit,
         )
 
@@ -267,6 +278,13 @@ class GridError:
         return max(self.contact.pressure.size - self.contact.contact_nodes, 1)
 
     @property
+    def _gap_by_scatter(self) -> float:
+        """Mean gap times the scatter of the border as a share of the open nodes [um]."""
+        contact = self.contact
+        scatter = self.border.scatter * contact.contact_nodes / self._open_nodes
+        return contact.mean_gap * scatter
+
+    @property
     def _area_by_outer_nodes(self) -> float:
         """Share of the area by which the border moves if the outer nodes change the approach.
 
@@ -281,8 +299,8 @@ class GridError:
 
     @computed_once
     def _opened(self) -> Opened:
-        """What may open between the nodes of a full contact."""
-        return opened_between_nodes(self.contact.problem, self.contact.pressure)
+        """What may open in a full contact where its nodes do not show it."""
+        return opened_unseen(self.contact.problem, self.contact.pressure)
 
     def _bar(
         self,
@@ -293,6 +311,7 @@ class GridError:
         at_least: float = 0.0,
         by_outer_nodes: float = 0.0,
         by_work: float = 0.0,
+        by_open_scatter: float = 0.0,
         by_summit: float = 0.0,
     ) -> float:
         """Return the half-width of an answer's bar in its unit, infinite without a coarser contact.
@@ -311,6 +330,9 @@ class GridError:
             Part of the bar for the outer nodes of a free patch, in the unit of the answer.
         by_work : float
             Part of the bar for the work of the border, in the unit of the answer.
+        by_open_scatter : float
+            Part of the bar for the scatter of the border among the open nodes, in the unit of the
+            answer.
         by_summit : float
             Part of the bar for the place of the summit, in the unit of the answer.
         """
@@ -335,6 +357,7 @@ class GridError:
             weights.yielded * yielded_scatter * by_border,
             weights.outer * by_outer_nodes,
             weights.work * by_work,
+            weights.open_scatter * by_open_scatter,
             weights.node * by_node,
             weights.summit * by_summit,
         )
@@ -416,7 +439,7 @@ def grid_error_of(contact: Contact, coarse: Contact | None = None) -> GridError:
         verdict = _judged(error, coarse)
     verdicts = dict.fromkeys(WEIGHTS[error.kind], verdict.resolved)
     if spare <= NEARLY_YIELDED or error._opened.area_percent > 0:
-        # Where the hardness decides the area, or a full contact may open between nodes, the
+        # Where the hardness decides the area, or a full contact may open unseen, the
         # stiffness still depends on spots that the grid does not show.
         verdicts["stiffness"] = False
     return replace(error, verdicts=verdicts, reason=verdict.reason)
@@ -427,38 +450,68 @@ def _touches_at_creases(contact: Contact) -> bool:
 
     On a smooth surface the sum of the squares of second differences over two nodes is 16 times that
     over one. At creases it is 8 times: those over two are twice as large, and twice as many. The
-    axis with the larger sum over one node decides.
+    same holds for the sums over four nodes and over two, which tell blunt creases from short waves.
+    The axis with the larger sum over one node decides.
     """
-    heights = contact.problem.heights
+    problem = contact.problem
+    heights = problem.heights
+    is_periodic = problem.boundary == "periodic"
     rows, columns = np.nonzero(contact.pressure > 0)
-    sums: list[tuple[float, float]] = []
-    for lines, along, across in ((heights, rows, columns), (heights.T, columns, rows)):
-        nodes = lines.shape[0]
-        if nodes < FEWEST:
-            continue
-        has_pairs = np.ones(along.size, dtype=bool)
-        if contact.problem.boundary != "periodic":  # there are no nodes beyond a border
-            has_pairs = (along >= 2) & (along < nodes - 2)
-        places = along[has_pairs], across[has_pairs]
-        squares_over_one = _squared_bends(lines, *places, distance=1)
-        squares_over_two = _squared_bends(lines, *places, distance=2)
-        sums.append((squares_over_one, squares_over_two))
-    over_one, over_two = max(sums, default=(0.0, 0.0))
+    sections = [
+        _Section(heights, along=rows, across=columns, is_periodic=is_periodic),
+        _Section(heights.T, along=columns, across=rows, is_periodic=is_periodic),
+    ]
+    sections = [section for section in sections if section.lines.shape[0] >= FEWEST]
+    if not sections:
+        return False
+    section = max(sections, key=lambda section: section.squared_bends(1, reach=2))
+    over_one = section.squared_bends(1, reach=2)
+    over_two = section.squared_bends(2, reach=2)
     rounding = (1e-13 * float(np.ptp(heights))) ** 2 * heights.size
-    return over_one > rounding and over_two < OF_CREASES * over_one
+    if over_one <= rounding or over_two >= OF_BLUNT_CREASES * over_one:
+        return False
+    if over_two < OF_CREASES * over_one:
+        return True
+    over_four = section.squared_bends(4, reach=4)
+    return over_four > FROM_TWO_TO_FOUR * section.squared_bends(2, reach=4)
 
 
-def _squared_bends(lines: Field, along: Nodes, across: Nodes, *, distance: int) -> float:
-    """Sum the squares of second differences along the first axis at some nodes [um2].
+@dataclass(frozen=True, eq=False)
+class _Section:
+    """Lines of a surface along their first axis, and the nodes where they touch.
 
-    `along` and `across`, (n,), are the indices of the nodes along the first and the second axis of
-    `lines`. The other two nodes of a difference are at a distance from each node; lines continue
-    periodically.
+    Attributes
+    ----------
+    lines : ndarray, shape (n, k)
+        Heights along the lines [um].
+    along, across : ndarray, shape (m,)
+        Indices of the nodes in contact along both axes of `lines`.
+    is_periodic : bool
+        Whether the lines continue periodically.
     """
-    before = lines[along - distance, across]
-    after = lines[(along + distance) % lines.shape[0], across]
-    bend = before + after - 2 * lines[along, across]
-    return float(bend @ bend)
+
+    lines: Field
+    along: Nodes
+    across: Nodes
+    is_periodic: bool
+
+    def squared_bends(self, distance: int, *, reach: int) -> float:
+        """Sum the squares of second differences around the nodes in contact [um2].
+
+        The other two nodes of a difference are at a distance from each node. Without periodicity,
+        only nodes count that are `reach` nodes or more from both ends of their line.
+        """
+        nodes = self.lines.shape[0]
+        along = self.along
+        across = self.across
+        if not self.is_periodic:
+            is_inside = (along >= reach) & (along < nodes - reach)
+            along = along[is_inside]
+            across = across[is_inside]
+        before = self.lines[along - distance, across]
+        after = self.lines[(along + distance) % nodes, across]
+        bend = before + after - 2 * self.lines[along, across]
+        return float(bend @ bend)
 
 
 def _summit(heights: Field, boundary: Boundary, *, creased: bool) -> float:

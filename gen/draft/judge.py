@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gen.arrays import Heights, Values
+from gen.draft.parts import PATCHES, Outside, compare_ranges, cut_parts
 from gen.draft.writing import KAPPA
 from gen.maps.read import Sides
 from gen.material import Bodies
@@ -43,11 +44,7 @@ BEYOND_SCATTER = 3.4
 WIDE = 0.3
 # approximate shares of the patch in contact under the three pressures [1]
 SHARES = (0.01, 0.05, 0.2)
-# Half of the range of a feature in a database of a few thousand rows, in standard deviations of the
-# feature.
-HALF_RANGE = 3.5
-# number of patches whose features are compared with those of the map's windows
-PATCHES = 20
+MOST_NAMES = 5  # largest number of statistics that the sentence on ranges names
 
 Verdict = Literal["of its kind", "undecided", "not of its kind"]
 
@@ -119,8 +116,8 @@ class Judgement:
     # ratios by the name of the answer, one under each pressure
     answers: Mapping[str, tuple[Ratio, ...]]
     geometry: Mapping[str, Ratio]  # ratios of numbers of the heights, by name
-    # names of statistics of the map's windows that are beyond the range of the surfaces
-    outside: tuple[str, ...]
+    # parts of the map whose statistics are beyond the ranges of the surfaces
+    outside: Outside
 
     @property
     def faults(self) -> list[str]:
@@ -160,11 +157,12 @@ class Judgement:
     @property
     def sentence_on_ranges(self) -> str:
         """A sentence on the feature ranges of a surrogate of the surfaces."""
-        if not self.outside:
+        if self.outside.is_rare:
             return "the features of a surrogate of these surfaces reach the map's"
-        names = ", ".join(self.outside)
+        names = ", ".join(self.outside.names[:MOST_NAMES])
         return (
-            f"a surrogate of these surfaces would flag the map: {names} beyond its range"
+            f"a surrogate of these surfaces would flag {100 * self.outside.share:.0f} % of"
+            f" the patches of the map: {names} beyond its range"
         )
 
 
@@ -312,34 +310,17 @@ def _ratios(
     )
 
 
-def _outside(
-    heights: Heights, spacing: Sides, make: Maker, nodes: int
-) -> tuple[str, ...]:
-    """Return the names of statistics of a map's windows beyond those of many surfaces.
+def _outside(heights: Heights, spacing: Sides, make: Maker, nodes: int) -> Outside:
+    """Compare parts of a map with as many patches as give the ranges of a surrogate.
 
-    The windows have `nodes` nodes along each side, as the patches of a scene. A statistic of the
-    map is its mean over all windows. The range of the surfaces is their mean, over `PATCHES` of
-    them, and `HALF_RANGE` standard deviations on both sides of it.
+    Parts and patches have `nodes` nodes along each side, as the patches of a scene.
     """
-    nx, ny = (min(nodes, side) for side in heights.shape)
-    starts_x = range(0, heights.shape[0] - nx + 1, nx)
-    starts_y = range(0, heights.shape[1] - ny + 1, ny)
-    windows = [heights[x : x + nx, y : y + ny] for x in starts_x for y in starts_y]
-    surfaces = [
-        make((nx, ny), np.random.default_rng([PATCHES, seed])) for seed in range(PATCHES)
+    parts = cut_parts(heights, nodes)
+    patches = [
+        make(parts[0].shape, np.random.default_rng([PATCHES, seed]))
+        for seed in range(PATCHES)
     ]
-    of_map = [describe(window, spacing).values for window in windows]
-    of_surfaces = [describe(surface, spacing).values for surface in surfaces]
-    names = []
-    for name in of_map[0]:
-        value = float(np.mean([statistics[name] for statistics in of_map]))
-        values = np.array([statistics[name] for statistics in of_surfaces])
-        distance = abs(value - values.mean())
-        reach = HALF_RANGE * values.std(ddof=1)
-        # Equal statistics of all surfaces differ by rounding.
-        if distance > max(reach, 1e-6 * abs(value)):
-            names.append(name)
-    return tuple(names)
+    return compare_ranges(parts, patches, spacing)
 
 
 def print_judgement(judgement: Judgement, kind: str) -> None:

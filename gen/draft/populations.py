@@ -50,6 +50,7 @@ from gen.draft.height_curve import HeightCurve
 from gen.draft.imperfections import MOST_HEIGHTS, separate_imperfections
 from gen.draft.joined import join_in_bands
 from gen.draft.likeness import rounded
+from gen.draft.parts import with_parts
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.filters import is_same
@@ -196,12 +197,12 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     spacing = common_spacing([survey.spacing for survey in surveys])
     prepared = [_prepared(survey, reading, spacing) for survey in surveys]
     maps = [prepared_map.fitted_map for prepared_map in prepared]
-    steps = maps[0].topography.steps
-    population = fit_population(maps, "; ".join(steps))
+    topography = maps[0].topography
     lengths = _autocorrelation_lengths(prepared)
     length = float(np.median(lengths)) if lengths else math.nan
-    shape = _shape(maps[0].topography.heights)
-    nodes = nodes_like(shape, length / max(population.spacing))
+    shape = _shape(topography.heights)
+    nodes = nodes_like(shape, length / max(topography.spacing))
+    population = fit_population(maps, "; ".join(topography.steps), nodes)
     return LikeMaps(
         surveys=[prepared_map.survey for prepared_map in prepared],
         reading=reading,
@@ -330,7 +331,9 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
     )
 
 
-def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
+def fit_population(
+    maps: Sequence[FittedMap], preparation: str, nodes: int | None = None
+) -> Population:
     """Fit a population to maps of one kind.
 
     The heights of each map are divided by its rms height. The rms height of the population is the
@@ -342,6 +345,9 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         The maps, at least one.
     preparation : str
         How the maps were prepared, for the population's file.
+    nodes : int, optional
+        Nodes along each side of the patches of a scene. If the maps differ from place to place, the
+        population has parts of this size, see `gen.draft.parts`.
 
     Returns
     -------
@@ -392,7 +398,10 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     ]
     of_maps = Roughness.of(scaled_maps, spacing)
     remarks = _remarks_on_roughness(population, shape, of_maps)
-    return replace(population, remarks=tuple(remarks))
+    population = replace(population, remarks=tuple(remarks))
+    if nodes is None:
+        return population
+    return with_parts(population, [rms_height * texture for texture in textures], nodes)
 
 
 def _population(

@@ -189,6 +189,12 @@ def scene_of_population(
     fitted = like.population
     slopes = [survey.rms_slope for survey in like.surveys]
     remarks = [f"# NOTE: {remark}." for remark in fitted.remarks]
+    if fitted.parts is not None:
+        remarks.append(
+            f"# Each surface is like one of {len(fitted.parts.members)} parts of the maps, which"
+            " differ from place to\n# place. With other nodes, surfaces have the mean spectrum"
+            " and heights."
+        )
     texts = {
         "names": printable(", ".join(names)),
         **_beginning(title, output, command, surfaces=SURFACES),

@@ -8,6 +8,7 @@ import pytest
 
 import bem
 from bem.bodies import HALF_SPACE
+from bem.derived.bar_weights import WEIGHTS
 from bem.derived.coarser import at_coarser_nodes, coarser
 from bem.derived.grid_error import slope_order
 from bem.far_field import critical_delta
@@ -222,6 +223,19 @@ def test_full_contact_of_ridges_with_cusps_is_not_resolved():
     assert not contact.grid_error().resolved
 
 
+def test_blunt_creases_are_told_from_waves_of_six_nodes():
+    """Both bend as much more over two nodes than over one; waves bend no further over four."""
+    x = np.arange(96) / 96
+    gentle = 0.2 * np.sin(2 * np.pi * x)
+    waves = np.add.outer(gentle + 0.01 * np.sin(2 * np.pi * 16 * x), gentle)
+    ridges_between_nodes = grooves(96, 1 / 48)
+    are_creased = [
+        bem.solve(heights, 1.0, pressure=10.0, boundary="periodic").grid_error().creased
+        for heights in (waves, ridges_between_nodes)
+    ]
+    assert are_creased == [False, True]
+
+
 @pytest.mark.parametrize("boundary", ["periodic", "mirror", "free"])
 def test_waves_of_many_nodes_have_no_creases(boundary):
     contact = bem.solve(
@@ -249,6 +263,33 @@ def test_what_opens_between_the_nodes_of_a_full_contact_is_in_its_bars():
     assert error.area_percent >= 100 - truth.continuum_area_percent
     assert error.mean_gap >= truth.mean_gap
     assert not error.verdicts["stiffness"]
+
+
+def test_what_opens_at_the_edges_of_a_full_contact_is_in_its_bars():
+    """The corners of a free patch, which both grids press flat, are open on a finer grid."""
+
+    def cap(nodes):
+        x = (np.arange(nodes) + 0.5) / nodes - 0.5
+        heights = -np.add.outer(x**2 / 4, x**2 / 6)
+        problem = pose(heights, 1.0, None, force=0.15, spacing=1 / nodes)
+        return solve_posed(replace(problem, datum=0.0))
+
+    contact = cap(16)
+    error = contact.grid_error()
+    assert error.coarse.contact_nodes == error.coarse.pressure.size
+    open_percent = 100 - cap(64).continuum_area_percent
+    assert 0 < open_percent <= error.area_percent
+
+
+def test_open_scatter_is_the_scatter_of_the_border_among_the_open_nodes():
+    """Where the place of the border scatters, a share of the open area opens or closes."""
+    surface = random_waves(1, 8, 0.7, 3)(96)
+    loaded = bem.solve(surface, 1.0, pressure=0.02, boundary="periodic")
+    error = loaded.grid_error()
+    nodes = loaded.contact_nodes
+    least = WEIGHTS["edgeless"]["delta"].open_scatter * loaded.mean_gap
+    least *= error.border.scatter * nodes / (surface.size - nodes)
+    assert least <= error.delta <= 100 * least
 
 
 def test_smooth_surfaces_have_the_order_two_and_edges_the_order_one():

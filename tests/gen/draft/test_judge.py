@@ -5,6 +5,7 @@ import pytest
 
 from gen import cli
 from gen.draft.judge import SHARES, Judgement, Ratio, judge_surfaces
+from gen.draft.parts import Outside
 from gen.material import Bodies
 from gen.population import generate_like
 from gen.scene import load
@@ -28,7 +29,7 @@ def test_a_surface_of_the_population_is_of_its_kind():
     judgement = judged(make((64, 64), np.random.default_rng(77)))
     assert judgement.verdict == "of its kind"
     assert judgement.sentence.startswith("of its kind")
-    assert judgement.outside == ()
+    assert judgement.outside.is_rare
     assert len(judgement.pressures) == len(SHARES)
 
 
@@ -63,7 +64,7 @@ def test_verdicts(area, gap, verdict):
         pressures=(1.0,),
         answers={"area": (area,), "mean gap": (gap,)},
         geometry={},
-        outside=(),
+        outside=Outside(number=0, parts=9, names=()),
     )
     assert judgement.verdict == verdict
 
