@@ -116,7 +116,7 @@ def errors_asked_for(rows: list[Row]) -> str:
         share = float(row["measured"])
         number = int(row["number"])
         shares.append(f"{share:.1f} % of {number} areas asked for to {percent} %")
-    return f"Within the error are {' and '.join(shares)}, on twenty kinds of surfaces."
+    return f"Within the error are {' and '.join(shares)}."
 
 
 def times_of_others(rows: list[Row]) -> str:
@@ -141,10 +141,10 @@ def times_of_others(rows: list[Row]) -> str:
         ]
         fastest = min(measured, key=lambda row: float(row["measured_times_ours"]))
         ratio = float(fastest["measured_times_ours"])
-        answers.append(f"{ratio:.2g} times within {percent} % ({fastest['way']})")
+        answers.append(f"{ratio:.2g} times for {percent} % ({fastest['way']})")
     return (
-        f"The fastest other solver takes {' and '.join(answers)} of our time, which includes"
-        " the search for the grid and the bar."
+        f"The fastest other solver takes so many times our time: {', '.join(answers)}. Ours"
+        " includes the search for the grid and the bar."
     )
 
 

@@ -381,7 +381,8 @@ def first_screen(folder: Path) -> str:
         blocks.append(
             _figure_block(picture, "Error over time, ours and other solvers'", folder)
         )
-    blocks.append(answer_table(lines(PARTS, PUBLISHED, FIRST)))
+    answers = answer_table(lines(PARTS, PUBLISHED, FIRST))
+    blocks.append(f":::{{container}} answers\n\n{answers}\n:::")
     return "\n\n".join(blocks)
 
 

@@ -151,6 +151,17 @@ def test_the_picture_of_the_readme_is_drawn_by_the_code_of_today():
     assert pictures.readme_digest() == drawn_by, "draw it anew: make figures"
 
 
+def test_pages_of_classes_list_documented_members_of_the_house_alone():
+    members = extension("members").documented_members(ROOT / "docs" / "api")
+    contact = members["bem.Contact"]
+    assert {"grid_error", "conductance"} <= set(contact["methods"])
+    assert {"gap", "stiffness"} <= set(contact["attributes"])
+    listed = [
+        name for kinds in members.values() for names in kinds.values() for name in names
+    ]
+    assert not [name for name in listed if name.startswith(("_", "model_"))]
+
+
 def test_links_that_lead_nowhere_are_found(tmp_path):
     check = extension("link_check")
     (tmp_path / "sub").mkdir()

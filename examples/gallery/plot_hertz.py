@@ -42,11 +42,11 @@ for delta, force, error in zip(deltas, forces, force_error, strict=True):
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 left.plot(deltas, hertz_forces / 1e6, "k-", label="Hertz")
 left.plot(deltas, forces / 1e6, "o", label="solved")
-left.set(xlabel="Delta [um]", ylabel="force [N]")
+left.set(xlabel="Delta [µm]", ylabel="force [N]")
 left.legend()
 right.plot(deltas, hertz_areas, "k-", label="Hertz")
 right.plot(deltas, areas, "o", label="solved")
-right.set(xlabel="Delta [um]", ylabel="contact area [um2]")
+right.set(xlabel="Delta [µm]", ylabel="contact area [µm²]")
 plt.show()
 
 # %%

@@ -23,6 +23,7 @@ from gen.maps.prepare import prepare
 from gen.maps.read import read
 from gen.maps.settings import Reading
 from gen.population import Population, generate_like
+from gen.runtime.figure import log_axis
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 folder = Path(tempfile.mkdtemp())
@@ -84,13 +85,15 @@ for axis, (name, surface) in zip(left.subplots(2, 2).flat, surfaces.items(), str
     )
     axis.set_title(name, fontsize="small")
     axis.set(xticks=[0, 256], yticks=[0, 256])
-left.colorbar(image, ax=left.axes, label="height [um]")
+left.colorbar(image, ax=left.axes, label="height [µm]")
 axis = right.subplots()
 for name, style in zip(areas, ("ko", "C0-", "C1-", "C2-"), strict=True):
     axis.loglog(pressures, areas[name], style, ms=4, label=name)
 axis.loglog(pressures, 100 * pressures / 2000, "k:", label="load / hardness")
 axis.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
 axis.legend(fontsize="small")
+log_axis(axis.xaxis)
+log_axis(axis.yaxis)
 plt.show()
 
 # %%
