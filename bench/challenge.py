@@ -93,13 +93,13 @@ class Answers:
             "nodes": self.nodes,
             "nodes_a_wave": SPECTRUM.cut_off * self.nodes / SIDE,
             "rms_slope": self.slope,
-            "area_percent": contact.continuum_area_percent,
-            "area_bar_percent": error.area_percent,
+            "continuum_percent": contact.continuum_area_percent,
+            "continuum_bar_percent": error.area_percent,
             "count_percent": contact.area_percent,
             "mean_gap_um": contact.mean_gap,
             "mean_gap_bar_um": error.mean_gap,
-            "stiffness": contact.stiffness / area,
-            "stiffness_bar": error.stiffness / area,
+            "stiffness_per_area": contact.stiffness / area,
+            "stiffness_per_area_bar": error.stiffness / area,
             "bars_hold": "yes" if error.resolved else "no",
             "convolutions": contact.convolutions,
             "cpu_seconds": self.seconds,
@@ -160,7 +160,7 @@ def challenge(
         rows.append(answers.row(coarse if has_half else None))
         coarse = answers.contact
         remark(
-            f"{answers.nodes} nodes: {rows[-1]['area_percent']:.3g} %,"
+            f"{answers.nodes} nodes: {rows[-1]['continuum_percent']:.3g} %,"
             f" {answers.seconds:.1f} s"
         )
     return Report({"challenge": rows}, text=TEXT)

@@ -23,10 +23,10 @@ def test_grids_with_few_nodes_a_wave_agree_on_gap_and_stiffness():
     assert [row["nodes"] for row in rows] == [32, 64]
     assert [row["nodes_a_wave"] for row in rows] == [8, 16]
     coarse, fine = rows
-    for answer in ("mean_gap_um", "stiffness"):
+    for answer in ("mean_gap_um", "stiffness_per_area"):
         assert coarse[answer] == pytest.approx(fine[answer], rel=0.05)
-    assert abs(coarse["area_percent"] - fine["area_percent"]) < (
-        coarse["area_bar_percent"] + fine["area_bar_percent"]
+    assert abs(coarse["continuum_percent"] - fine["continuum_percent"]) < (
+        coarse["continuum_bar_percent"] + fine["continuum_bar_percent"]
     )
     assert all(row["convolutions"] > 0 for row in rows)
 
@@ -51,7 +51,7 @@ def test_a_map_has_the_answers_of_the_surface_that_it_was_written_from(capsys):
     printed = capsys.readouterr().out
     assert "include it, and are no reference" in printed
     (*_, made) = challenge.challenge([32], seed=1).tables["challenge"]
-    assert f"{made['area_percent']:.4g}" in printed
+    assert f"{made['continuum_percent']:.4g}" in printed
 
 
 @pytest.mark.usefixtures("here")
