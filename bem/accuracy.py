@@ -49,14 +49,14 @@ from bem.problem import (
 from bem.solving import solve_posed
 from bem.threads import computed_once, on_threads
 
-# Factor from a bar of 90 % to one of 95 % [1]. `python -m bench accuracy` counts the errors that
+# Factor from a bar of 90 % to one of 95 % [1]. `asperity bench accuracy` counts the errors that
 # are inside.
 TO_95_PERCENT = 1.25
 
 # Relative error of the area per share of the mean square slope that is dropped [1]. For shares of
 # 3 % and more, 95 % of the errors are below it. For smaller shares, errors are proportional to the
 # root of the share. Together with the error of the grid, they stay within the error asked for
-# (`python -m bench accuracy`).
+# (`asperity bench accuracy`).
 OF_DROPPED = 1.0
 
 # Largest part of the error asked for that the waves dropped by a grid may use up; grids that drop
@@ -80,7 +80,7 @@ FEWEST_TRIED = 4 * FEWEST
 STEP = math.sqrt(2)
 
 # The next numbers only tell which grids are tried. They are those with which searches on spectral
-# surfaces cost least; `python -m bench accuracy` measures this cost.
+# surfaces cost least; `asperity bench accuracy` measures this cost.
 
 # Ratio of the nodes a side of two grids of a search that follow each other [1].
 SEARCH_STEP = math.sqrt(STEP)
@@ -88,8 +88,13 @@ SEARCH_STEP = math.sqrt(STEP)
 # Bar at 95 % of the area that is expected on the first grid: its ratio to the area is a factor
 # times a power of the share of the mean square slope that twice the spacing loses
 # (`Coarsening.lost_slope`) [1].
-EXPECTED_BAR = 0.12
+EXPECTED_BAR = 0.07
 EXPECTED_POWER = 0.8
+
+# Number of the shortest waves on a side of the patch to which this bar belongs, and the power of
+# the number with which it falls: errors of many spots of contact cancel in part [1].
+EXPECTED_WAVES = 16.0
+BY_WAVES = -0.4
 
 # Factor of this bar on free patches [1].
 ON_FREE_PATCH = 2.0
@@ -97,7 +102,7 @@ ON_FREE_PATCH = 2.0
 # Mean pressure to which this bar belongs, if the load is known, and the power of the pressure with
 # which it falls [E* times the rms slope, 1].
 EXPECTED_LOAD = 0.05
-BY_LOAD = -0.35
+BY_LOAD = -0.3
 
 # Least mean pressure for which this law is used [E* times the rms slope].
 LIGHTEST = 0.005
@@ -424,11 +429,11 @@ class _Search:
         if not self.trials:
             if is_map or self._expected_bar(nodes) <= smallest_error:
                 return True
-            # Even the map is expected to miss the errors. A grid of half of its nodes a side costs
-            # less, and tells whether the map is hopeless.
-            is_half = FURTHEST * max(nodes) >= max(map_nodes)
-            bar_of_map = self._expected_bar(map_nodes)
-            return is_half and HOPELESS * smallest_error < bar_of_map < math.inf
+            if FURTHEST * max(nodes) < max(map_nodes):
+                return False
+            # If even the map is expected to miss the errors, a grid of half of its nodes a side
+            # costs less, and tells whether the map is hopeless.
+            return HOPELESS * smallest_error < self._expected_bar(map_nodes) < math.inf
         last_nodes = self.trials[-1].nodes
         is_far = max(nodes) >= FURTHEST * max(last_nodes)
         if self.last_ratio == math.inf:
@@ -447,7 +452,10 @@ class _Search:
         lost = self.coarsening.lost_slope(nodes)
         if lost > MOST_LOST:
             return math.inf
+        # A wave of n nodes, n squared times on the patch, loses the share (pi / n)^2.
+        waves = math.sqrt(math.prod(nodes) * lost) / math.pi
         bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER) * self._factor_of_load
+        bar *= math.pow(waves / EXPECTED_WAVES, BY_WAVES)
         return ON_FREE_PATCH * bar if self.map_problem.boundary == "free" else bar
 
     @computed_once

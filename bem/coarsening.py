@@ -17,6 +17,7 @@ from __future__ import annotations  # short signatures in help()
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from bem.arrays import Field, Nodes, Values
 from bem.bodies import HALF_SPACE, Body
 from bem.derived.grid_error import FEWEST, order_of_slopes, slope_order_of_lines
+from bem.operators.filters import row_transform
 from bem.problem import Boundary
 from bem.threads import computed_once
 
@@ -255,6 +257,7 @@ class Coarsening:
             self.aspect,
             self.body,
             is_periodic=self.boundary == "periodic",
+            mean=self._mean,
             unit=self._unit,
         )
 
@@ -365,30 +368,32 @@ class _Rows:
     mean_squares: Values
 
     @classmethod
-    def of(cls, heights: Field, kept: int, *, is_periodic: bool, unit: float) -> _Rows:
+    def of(
+        cls, heights: Field, kept: int, *, is_periodic: bool, mean: float, unit: float
+    ) -> _Rows:
         """Transform the rows of heights, (nx, ny), less their mean, and keep the lowest numbers.
 
-        `unit` is in the unit of the heights. Rows are transformed in bands of `ROWS_AT_ONCE`, which
-        fit into the processor's cache.
+        `mean` and `unit` are in the unit of the heights. Rows are transformed in bands of
+        `ROWS_AT_ONCE`, which fit into the processor's cache.
         """
-        from scipy import fft  # here, because few contacts need it
-
-        transform: Any = fft.rfft if is_periodic else fft.dct
-        mean = float(heights.mean())
+        rows, columns = heights.shape
+        transform = row_transform(ROWS_AT_ONCE, columns, is_periodic)
         amplitudes: list[NDArray[Any]] = []
         sums: list[Values] = []
-        for first in range(0, len(heights), ROWS_AT_ONCE):
-            band = heights[first : first + ROWS_AT_ONCE] - mean
-            band /= unit
-            of_band = transform(band, norm="forward")
-            amplitudes.append(of_band[:, :kept].copy())
-            parts = of_band.view(np.float64)  # real and imaginary ones beside each other
-            parts *= parts
-            sums.append(parts.sum(axis=0))
+        transform.band.fill(0)  # the last band may have fewer rows
+        for first in range(0, rows, ROWS_AT_ONCE):
+            number = min(ROWS_AT_ONCE, rows - first)
+            band = transform.band[:number]
+            np.subtract(heights[first : first + number], mean, out=band)
+            band /= unit * transform.count
+            waves = transform.waves()[:number]
+            amplitudes.append(waves[:, :kept].copy())
+            parts = waves.view(np.float64)  # real and imaginary ones beside each other
+            sums.append(np.einsum("ij,ij->j", parts, parts))
         squares = np.sum(sums, axis=0)
         if is_periodic:
             squares = squares.reshape(-1, 2).sum(axis=1)
-        return cls(np.concatenate(amplitudes), squares / len(heights))
+        return cls(np.concatenate(amplitudes), squares / rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,7 +440,14 @@ class _Waves:
 
     @classmethod
     def of(
-        cls, heights: Field, aspect: float, body: Body, *, is_periodic: bool, unit: float
+        cls,
+        heights: Field,
+        aspect: float,
+        body: Body,
+        *,
+        is_periodic: bool,
+        mean: float,
+        unit: float,
     ) -> _Waves:
         """Transform the heights of a patch, (nx, ny), less their mean and in a unit.
 
@@ -458,9 +470,10 @@ class _Waves:
         times_across = np.where(is_single, 1.0, 2.0)
         steepness_along = (along / rows) ** 2
         steepness_across = (across / columns / aspect) ** 2
-        of_rows = _Rows.of(
-            heights, across.size // EXPECTED_SHARE, is_periodic=is_periodic, unit=unit
+        transform_rows = partial(
+            _Rows.of, heights, is_periodic=is_periodic, mean=mean, unit=unit
         )
+        of_rows = transform_rows(across.size // EXPECTED_SHARE)
         of_number = times_across * of_rows.mean_squares
         left_out = _steepest_from(of_number, steepness_across, steepness_along.max())
         # A lower bound of the mean square slope of all waves: as if each number across had only its
@@ -474,7 +487,7 @@ class _Waves:
             numbers = np.sqrt(np.add.outer(steepness_along, steepness_across))
             weights = _weights(half_waves * math.pi * numbers, body)
         if kept > of_rows.amplitudes.shape[1]:
-            of_rows = _Rows.of(heights, kept, is_periodic=is_periodic, unit=unit)
+            of_rows = transform_rows(kept)
         transform: Any = fft.fft if is_periodic else fft.dct
         amplitudes = transform(of_rows.amplitudes[:, :kept], axis=0, norm="forward")
         return cls(
@@ -499,9 +512,13 @@ class _Waves:
         waves_per_number = 0.5  # numbers count half waves in a mirrored patch
         if self.is_periodic:
             waves_per_number = 1.0
+        # Waves of a number and of its opposite have the same slopes.
+        mean_squares = np.bincount(
+            np.abs(self.along), self.times_along * (squares @ self.times_across)
+        ).astype(np.float64, copy=False)
         along = _SlopesOfWaves(
-            mean_squares=self.times_along * (squares @ self.times_across),
-            wavenumbers=waves_per_number * np.sqrt(self.steepness_along),
+            mean_squares=mean_squares,
+            wavenumbers=waves_per_number * np.arange(mean_squares.size) / self.along.size,
             spacing=1.0,
         )
         across = _SlopesOfWaves(

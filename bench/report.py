@@ -104,6 +104,9 @@ class Part:
     # or of a busy machine; otherwise 0.
     minutes: float = 0
     beside: bool = False  # True if other parts may be made at the same time
+    named: bool = (
+        False  # True if a run makes the part only if it is named: it takes hours
+    )
     # Names of programs and distributions. If one is not installed, some rows are left out.
     needs: Sequence[str] = ()
     # The function that returns the rows ("module:name"); empty if the command is not in `bench`.
@@ -163,6 +166,7 @@ CHAPTERS: Mapping[str, Sequence[str]] = {
     "Surrogates: errors and costs": [
         "comparison",
         "tuning",
+        "nine-models",
         "search",
         "comparison-hybrid",
         "models",

@@ -5,6 +5,7 @@ side by side. A part is not made again while its record has the present command,
 packages and machine. So the same `bench run` goes on where it was interrupted.
 """
 
+import math
 import os
 import shutil
 import signal
@@ -42,7 +43,8 @@ LONGEST_SLEEP = 0.5
 """Longest sleep of the main thread, which alone can handle signals [s]."""
 
 COMMAND_LIMIT = 7200.0
-"""Time after which the command of a part is taken to hang, and is interrupted [s]."""
+"""Time after which the command of a part is taken to hang, and is interrupted [s]. A part that has
+to be named may take as long as it needs."""
 
 LAST_LINES = 5
 """Number of the last lines of standard error that a record keeps."""
@@ -71,7 +73,8 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
     inputs : Inputs
         The folders of the run.
     only : sequence of str
-        Names of the parts to make; all parts of the run if it is empty.
+        Names of the parts to make; if it is empty, all parts of the run but those that have to be
+        named (`Part.named`).
 
     Returns
     -------
@@ -214,7 +217,7 @@ def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
 
 
 def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
-    """Return the named parts, or all parts if no name is given.
+    """Return the parts with these names, or without names all parts that need not be named.
 
     Parts that write into the comparison are left out if the user gave its folder. Raises InputError
     if this run cannot make a named part, or the user's folder of the comparison does not exist.
@@ -226,7 +229,9 @@ def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
         raise InputError(
             f"--comparison {comparison}: give a folder of learn compare or learn tune"
         )
-    chosen = [part for part in PARTS if not only or part.name in only]
+    chosen = [part for part in PARTS if part.name in only]
+    if not only:
+        chosen = [part for part in PARTS if not part.named]
     return [part for part in chosen if inputs.folder(part) != comparison]
 
 
@@ -262,8 +267,8 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
     """Run the command of a part to its end or a signal, and return its exit code.
 
     Its output goes into files beside the record. A command that takes longer than `COMMAND_LIMIT`
-    is interrupted. A failure is printed on standard error. Raises InputError if the folder cannot
-    be written to.
+    is interrupted, unless the part has to be named. A failure is printed on standard error. Raises
+    InputError if the folder cannot be written to.
 
     An earlier record is removed first. The new record is written at the end, but not after a signal
     to this run, so that the part is made again. The record is unfinished if the command failed, or
@@ -279,7 +284,8 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
         path.unlink(missing_ok=True)
         began = time.monotonic()
         command = [sys.executable, *inputs.arguments(part)]
-        code = _run_command(command, output_file, error_file, interruption)
+        limit = math.inf if part.named else COMMAND_LIMIT
+        code = _run_command(command, output_file, error_file, interruption, limit)
         errors = error_file.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
         raise InputError(
@@ -309,12 +315,17 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
 
 
 def _run_command(
-    command: list[str], output_file: Path, error_file: Path, interruption: Interruption
+    command: list[str],
+    output_file: Path,
+    error_file: Path,
+    interruption: Interruption,
+    limit: float,
 ) -> int:
     """Run a command, and return its exit code; write its standard output and error into files.
 
-    The command runs in a new session. So Ctrl-C reaches only this process, which passes it on once,
-    and all processes that the command has started can be killed at its end.
+    It is interrupted after the time `limit` [s]. The command runs in a new session. So Ctrl-C
+    reaches only this process, which passes it on once, and all processes that the command has
+    started can be killed at its end.
     """
     with (
         output_file.open("w") as output,
@@ -324,21 +335,23 @@ def _run_command(
         ) as process,
     ):
         try:
-            return _wait(process, interruption)
+            return _wait(process, interruption, limit)
         finally:
             with suppress(ProcessLookupError):  # no process of the session is left
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-def _wait(process: "subprocess.Popen[bytes]", interruption: Interruption) -> int:
+def _wait(
+    process: "subprocess.Popen[bytes]", interruption: Interruption, limit: float
+) -> int:
     """Wait for the end of a process, and return its exit code, never 0 if it was interrupted.
 
-    A signal to this process is passed on. A process that runs longer than `COMMAND_LIMIT` is
+    A signal to this process is passed on. A process that runs longer than `limit` [s] is
     interrupted by SIGINT. A process that has not ended within `END_LIMIT` after its signal is
     killed.
     """
-    limit = time.monotonic() + COMMAND_LIMIT
-    while not interruption.requested() and time.monotonic() < limit:
+    until = time.monotonic() + limit
+    while not interruption.requested() and time.monotonic() < until:
         with suppress(subprocess.TimeoutExpired):
             return process.wait(timeout=0.2)
     process.send_signal(interruption.signal or signal.SIGINT)
@@ -407,7 +420,7 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     inputs : Inputs
         The folders of the run, which are not written.
     only : sequence of str
-        Names of the parts; all parts of the run if it is empty.
+        Names of the parts, as for `run`.
 
     Returns
     -------

@@ -41,6 +41,9 @@ MOST_BANDS = 200
 LARGEST_IMPERFECTION = 100_000
 """Largest number of nodes along an axis of an imperfection."""
 
+MOST_PARTS = 100
+"""Largest number of parts of the maps that a population keeps."""
+
 # number of normal scores at which the curve of heights is tabulated
 TABULATED = 2001
 # largest position in the table that is below its last entry
@@ -73,6 +76,27 @@ class SourceMap:
 
 @with_config(ConfigDict(extra="forbid"))
 @dataclass(frozen=True)
+class Part:
+    """What a part of a map has of its own."""
+
+    # logarithms of its spectral density over that of the population, at `Parts.waves` [1]
+    ratios: Row
+    heights: Curve  # its heights about their mean at `Parts.scores`, rising [um]
+
+
+@with_config(ConfigDict(extra="forbid"))
+@dataclass(frozen=True)
+class Parts:
+    """Parts of maps that differ from each other more than surfaces of the population do."""
+
+    nodes: tuple[Count, Count]  # nodes of each part along x and y
+    waves: Bands  # rising wavenumbers, along any direction [1/um]
+    scores: Curve  # rising normal scores [1]
+    members: Annotated[tuple[Part, ...], Field(min_length=1, max_length=MOST_PARTS)]
+
+
+@with_config(ConfigDict(extra="forbid"))
+@dataclass(frozen=True)
 class Population:
     """Surfaces of one kind: spectrum of a Gaussian field, curve to heights, and imperfections.
 
@@ -101,6 +125,9 @@ class Population:
     heights: Curve  # heights at these scores, rising [um]
     # heights of each imperfection of the maps above the texture, row by row along x [um]
     imperfections: Annotated[tuple[Imperfection, ...], Field(max_length=1000)] = ()
+    # Parts of the maps, if the population alone does not have their scatter. A surface with the
+    # nodes of the parts is like one of them.
+    parts: Parts | None = None
 
     @classmethod
     def parse(cls, text: str, source: str) -> Self:
@@ -146,6 +173,8 @@ class Population:
         for imperfection in self.imperfections:
             if len({len(line) for line in imperfection}) > 1:
                 raise InputError(f"{source}: imperfections: not rectangles of nodes")
+        if self.parts is not None:
+            _require_consistent_parts(self.parts, source)
 
     def _require_table(self, source: str) -> None:
         """Raise InputError unless logarithms are a table over the bands, scores over heights."""
@@ -168,9 +197,12 @@ class Population:
     @functools.cached_property
     def text(self) -> str:
         """The content of the population's file: JSON, a line for each key."""
+        content = asdict(self)
+        if self.parts is None:
+            del content["parts"]
         lines = [
             f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}"
-            for key, value in asdict(self).items()
+            for key, value in content.items()
         ]
         return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -227,19 +259,61 @@ class Population:
         ndarray, shape of `scores`
             Heights [um].
         """
-        _, heights = tabulated_curve(self.scores, self.heights)
-        # The table has equal steps, so that its entries need no search.
-        steps_of_a_score = (TABULATED - 1) / (2 * FURTHEST_SCORE)
-        positions = scores + FURTHEST_SCORE
-        positions *= steps_of_a_score
-        np.clip(positions, 0.0, BEFORE_LAST_ENTRY, out=positions)
-        # `take` is fastest with indices of the size of a pointer that it does not check.
-        below = positions.astype(np.intp)
-        positions -= below  # share of the step above the entry
-        rises = np.diff(heights).take(below, mode="clip")
-        rises *= positions
-        rises += heights.take(below, mode="clip")
-        return np.asarray(rises)
+        return _on_curve(self.scores, self.heights, scores)
+
+    def part_of(self, shape: tuple[int, int], random: np.random.Generator) -> Part | None:
+        """Draw the part of the maps that a surface is like.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Nodes (nx, ny) of the surface.
+        random : numpy.random.Generator
+            Source of the choice. The call moves its state if there are parts of this shape.
+
+        Returns
+        -------
+        Part or None
+            The part; None if the population has no parts with these nodes.
+        """
+        if self.parts is None or self.parts.nodes != shape:
+            return None
+        members = self.parts.members
+        return members[int(random.integers(len(members)))]
+
+
+def _require_consistent_parts(parts: Parts, source: str) -> None:
+    """Raise InputError, which names the file `source`, if numbers of parts do not fit together."""
+    for name, numbers in (("waves", parts.waves), ("scores", parts.scores)):
+        if (np.diff(numbers) <= 0).any() or (name == "waves" and numbers[0] <= 0):
+            raise InputError(f"{source}: parts.{name}: do not rise")
+    for part in parts.members:
+        if len(part.ratios) != len(parts.waves) or len(part.heights) != len(parts.scores):
+            raise InputError(f"{source}: parts: not as many numbers as waves and scores")
+        if (np.diff(part.heights) < 0).any() or part.heights[0] == part.heights[-1]:
+            raise InputError(f"{source}: parts: heights do not rise")
+
+
+def _on_curve(
+    knots: tuple[float, ...], heights_of_knots: tuple[float, ...], scores: Values
+) -> Heights:
+    """Return the heights [um] of a curve at normal scores, of any shape.
+
+    The curve has the heights `heights_of_knots` [um] at the scores `knots`.
+    """
+    _, heights = tabulated_curve(knots, heights_of_knots)
+    # The table has equal steps, so that its entries need no search.
+    steps_of_a_score = (TABULATED - 1) / (2 * FURTHEST_SCORE)
+    positions = scores + FURTHEST_SCORE
+    positions *= steps_of_a_score
+    np.clip(positions, 0.0, BEFORE_LAST_ENTRY, out=positions)
+    # `take` is fastest with indices of the size of a pointer that it does not check.
+    below = positions.astype(np.intp)
+    positions -= below  # share of the step above the entry
+    rises = np.diff(heights).take(below, mode="clip")
+    rises *= positions
+    rises += heights.take(below, mode="clip")
+    return np.asarray(rises)
 
 
 def total_power(densities: Values) -> float:
@@ -313,7 +387,7 @@ def _band_weights(bands: Values, wavenumbers: Values) -> Values:
     return weights
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=MOST_PARTS + 8)
 def tabulated_curve(
     scores: tuple[float, ...], heights: tuple[float, ...]
 ) -> tuple[Values, Heights]:
@@ -369,6 +443,43 @@ def _amplitudes(population: Population, period: tuple[int, int]) -> Values:
     return np.asarray(nx * ny * np.sqrt(powers / total_power(powers)))
 
 
+@functools.lru_cache(maxsize=4)
+def _positions_between_waves(
+    waves: tuple[float, ...], spacing: tuple[float, float], period: tuple[int, int]
+) -> Values:
+    """Return positions of all waves of a period in a table over wavenumbers, shape of `rfft2`.
+
+    `waves` are the wavenumbers of the table [1/um]. Positions count its entries, and are linear in
+    the logarithm of the wavenumber between them.
+    """
+    nx, ny = period
+    qx = 2 * math.pi * np.fft.fftfreq(nx, spacing[0])
+    qy = 2 * math.pi * np.fft.rfftfreq(ny, spacing[1])
+    # The mean of the heights is no wave: any number above 0 stands for its wavenumber.
+    wavenumbers = np.maximum(np.hypot(qx[:, None], qy[None, :]), waves[0])
+    positions = np.interp(np.log(wavenumbers), np.log(waves), np.arange(len(waves)))
+    return np.asarray(positions)
+
+
+def _field(
+    amplitudes: Values, period: tuple[int, int], random: np.random.Generator
+) -> Values:
+    """Return a Gaussian field on a period, with random phases of its waves.
+
+    `amplitudes` are moduli of the transform of the field, in the layout of `rfft2`. The call moves
+    the state of `random`.
+    """
+    # Single precision is enough for random phases; moduli are off by 1e-7.
+    phases = random.random(amplitudes.shape, dtype=np.float32) * np.float32(2 * math.pi)
+    waves: NDArray[np.complex128] = np.empty(amplitudes.shape, dtype=complex)
+    np.multiply(amplitudes, np.cos(phases), out=waves.real)
+    np.multiply(amplitudes, np.sin(phases), out=waves.imag)
+    # The transform of real heights has conjugate values at opposite wavevectors.
+    half = (period[0] - 1) // 2
+    waves[-half:, 0] = np.conj(waves[half:0:-1, 0])
+    return np.fft.irfft2(waves, s=period)
+
+
 def generate_like(
     population: Population,
     shape: tuple[int, int],
@@ -376,6 +487,9 @@ def generate_like(
     random: np.random.Generator,
 ) -> Heights:
     """Generate a surface of a population: its texture, and copies of the imperfections.
+
+    If the population has parts with the nodes of the surface, the surface is like one of them,
+    which is drawn: it has the spectrum and the distribution of heights of that part.
 
     Parameters
     ----------
@@ -386,10 +500,10 @@ def generate_like(
     period : tuple of int
         Nodes of the period out of whose corner the surface is cut, at least those of the shape and
         at least 4. On every period the Gaussian field has exactly the population's spectrum, the
-        mean 0 and the variance 1.
+        mean 0 and the variance 1. That of a part has them on the surface.
     random : numpy.random.Generator
-        Source of the phases of the waves and of the places of imperfections. The call moves its
-        state.
+        Source of the part, the phases of the waves and the places of imperfections. The call moves
+        its state.
 
     Returns
     -------
@@ -397,16 +511,12 @@ def generate_like(
         Heights [um]. The nodes have the spacing of the population.
     """
     amplitudes = _amplitudes(population, period)
-    # Single precision is enough for random phases; moduli are off by 1e-7.
-    phases = random.random(amplitudes.shape, dtype=np.float32) * np.float32(2 * math.pi)
-    waves: NDArray[np.complex128] = np.empty(amplitudes.shape, dtype=complex)
-    np.multiply(amplitudes, np.cos(phases), out=waves.real)
-    np.multiply(amplitudes, np.sin(phases), out=waves.imag)
-    # The transform of real heights has conjugate values at opposite wavevectors.
-    half = (period[0] - 1) // 2
-    waves[-half:, 0] = np.conj(waves[half:0:-1, 0])
-    field = np.fft.irfft2(waves, s=period)
-    heights = population.heights_of(field[: shape[0], : shape[1]])
+    part = population.part_of(shape, random)
+    if part is None or population.parts is None:
+        field = _field(amplitudes, period, random)
+        heights = population.heights_of(field[: shape[0], : shape[1]])
+    else:
+        heights = _like_part(population, population.parts, part, period, random)
     mean_copies = population.mean_copies_on(period)
     for imperfection in population.imperfection_heights:
         # one of the two whole numbers next to the mean, so that copies have this mean
@@ -415,6 +525,26 @@ def generate_like(
             place = (int(random.integers(period[0])), int(random.integers(period[1])))
             _add_imperfection(heights, imperfection, place, period)
     return heights
+
+
+def _like_part(
+    population: Population,
+    parts: Parts,
+    part: Part,
+    period: tuple[int, int],
+    random: np.random.Generator,
+) -> Heights:
+    """Return a texture [um] with the nodes, the spectrum and the heights of a part of the maps.
+
+    It is cut out of a period with the nodes `period`. The call moves the state of `random`.
+    """
+    positions = _positions_between_waves(parts.waves, population.spacing, period)
+    logarithms = np.interp(positions, np.arange(len(parts.waves)), part.ratios)
+    amplitudes = _amplitudes(population, period) * np.exp(logarithms / 2)
+    nx, ny = parts.nodes
+    field = _field(amplitudes, period, random)[:nx, :ny]
+    scores = (field - field.mean()) / field.std()
+    return _on_curve(parts.scores, part.heights, scores)
 
 
 def _add_imperfection(

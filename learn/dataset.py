@@ -57,6 +57,9 @@ class Request:
     train_rows: int | None = None  # largest number of training rows; None for no limit
     again: bool = False  # True to repeat fits whose results are in the folder
     until: float = math.inf  # time of `time.time` at which searches end [s]
+    # smallest number of candidates of each model that a search judges on all rows; None for whole
+    # grids, or for as many as there is time for
+    candidates: int | None = None
     roots: bool = False  # True for the features of surrogates, with square roots
     blocks: int | None = None  # blocks per side of hybrid features; None for the default
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals

@@ -58,6 +58,8 @@ class Model:
     # Setting of the paper's grid that the library no longer uses, and warns about; "" if there is
     # none.
     ignored: str = ""
+    # Power of the number of training rows with which the time of a fit grows.
+    growth: float = 1.0
 
     def estimator(self, seed: int, *, tuned: bool = False) -> Any:
         """Make an unfitted estimator.
@@ -151,19 +153,21 @@ MODELS: dict[str, Model] = {
             shared="n_estimators",
             ignored="criterion",
         ),
-        Model(name="svm", title="SVM Regressor", path="sklearn.svm.SVR"),
+        Model(name="svm", title="SVM Regressor", path="sklearn.svm.SVR", growth=2.0),
         Model(
             name="gaussian-process",
             title="GP Regressor",
-            path="sklearn.gaussian_process.GaussianProcessRegressor",
+            path="learn.gaussian_process.LengthProcess",
             baseline={"kernel": partial(_kernel, "fixed"), "optimizer": None},
             tuned={"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
+            growth=3.0,
         ),
         Model(
             name="kernel-ridge",
             title="Kernel Ridge",
             path="learn.kernel_ridge.SafeKernelRidge",
             shared="alpha",
+            growth=3.0,
         ),
         Model(
             name="mlp",
@@ -172,6 +176,7 @@ MODELS: dict[str, Model] = {
             # L-BFGS also has a largest number of evaluations, whose default would end the training
             # before its largest number of epochs.
             tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
+            growth=2.0,  # A step of a search on fewer rows has fewer epochs, too.
         ),
     )
 }
@@ -422,7 +427,7 @@ USABLE = 0.85
 # Memory of a process with its libraries, before any fit [bytes].
 PROCESS = 350 * MIB
 # Largest memory of a fit for each pair of training rows [bytes], by model. One matrix of double
-# precision has 8. `python -m bench memory` measures what this and the following numbers bound.
+# precision has 8. `asperity bench memory` measures what this and the following numbers bound.
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 # Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
 FIXED_KERNEL = 0.52

@@ -147,7 +147,14 @@ COMMANDS: dict[str, dict[str, Command]] = {
             (("--boundary mirror", "--boundary mirror"),),
         ),
         "compare": Command("<database> -o >folder", (("--model forest", "forest"),)),
-        "tune": Command("<database> -o >folder", (("--budget soon", "soon"),)),
+        "tune": Command(
+            "<database> -o >folder",
+            (
+                ("--budget soon", "soon"),
+                ("--candidates 9", "--candidates"),
+                ("--candidates 10 --budget 2h", "give one of them"),
+            ),
+        ),
         "show": Command("<comparison>"),
         "importance": Command(
             "<database> -o >folder", (("--target nothing", "nothing"),)

@@ -89,6 +89,6 @@ WEIGHTS = {
 
 They are fitted on 2,000 contacts of 22 kinds of surface, and at creases on 400 of turned profiles,
 ridges and machined maps, so that about 95 % of the errors of each answer are inside. Those of the
-summit are of an earlier fit, on 3,300 contacts. `python -m bench grid-error` and
-`python -m bench accuracy` test them on other surfaces.
+summit are of an earlier fit, on 3,300 contacts. `asperity bench grid-error` and
+`asperity bench accuracy` test them on other surfaces.
 """

@@ -45,7 +45,7 @@ For r = 1, both are the count of neighbours in line.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,7 +58,7 @@ from bem.problem import Boundary, Problem
 # p / (p + p2) and g / (g + g2); the row is the number of neighbouring edges, of the two beside an
 # edge, that are in line with it. They are least squares over 3,300 regular waves, single ones
 # (Westergaard's) at all angles and crossed ones, of 3 to 64 nodes a wave and with 1 to 97 % in
-# contact. `python -m bench border-weights` fits them again.
+# contact. `asperity bench border-weights` fits them again.
 WEIGHTS = np.array(
     [
         [-0.079, 0.381, -0.076, 0.130],
@@ -240,12 +240,11 @@ def continuum_nodes(
     weights = WEIGHTS.copy()
     if problem.boundary == "free":
         weights[:, 0] -= UNIFORM_PRESSURE
-    offsets = [
-        _offsets(edges, weights) for edges in border_edges(problem, pressure, gap, depth)
-    ]
+    edges, numbers = _all_edges(problem, pressure, gap, depth)
     if problem.boundary == "free" and problem.kernel == "concentrated-force":
-        return _area_under_concentrated_forces(count, edges=sum(map(len, offsets)))
-    excess = sum(float(values.sum()) for values in offsets)
+        return _area_under_concentrated_forces(count, edges=sum(numbers))
+    offsets = _offsets(edges, weights)
+    excess = sum(float(offsets[part].sum()) for part in _parts(numbers))
     lower_bound = 0.0
     if problem.hardness is not None:  # no area bears more than the hardness
         lower_bound = float(pressure.sum()) / problem.hardness
@@ -274,6 +273,23 @@ def border_edges(
         First the edges across the first axis that face its start, then those that face its end;
         then the edges across the second axis in the same order.
     """
+    edges, numbers = _all_edges(problem, pressure, gap, depth)
+    for part in _parts(numbers):
+        yield edges.part(part)
+
+
+def _parts(numbers: Iterable[int]) -> Iterator[slice]:
+    """Yield slices of these lengths that follow each other."""
+    last = 0
+    for number in numbers:
+        first, last = last, last + number
+        yield slice(first, last)
+
+
+def _all_edges(
+    problem: Problem, pressure: Field, gap: Field, depth: Field | None
+) -> tuple[BorderEdges, list[int]]:
+    """Return the edges of all ways, and their number by the way they face; as `border_edges`."""
     kernel = "uniform-pressure" if problem.boundary == "free" else "spectral"
     compliance = COMPLIANCE[kernel] / problem.modulus
     fields = _continued(problem.boundary, pressure, gap, depth)
@@ -304,7 +320,7 @@ def border_edges(
         directions_of_ways.append(directions)
     # The edges of all ways are computed at once, which takes less time on small grids.
     numbers = [inner.size for inner in inner_of_ways]
-    all_edges = _edges_between(
+    edges = _edges_between(
         fields,
         np.concatenate(inner_of_ways),
         np.repeat([inward for _, inward in ways], numbers),
@@ -316,10 +332,7 @@ def border_edges(
             [compliance * problem.spacing[axis] for axis, _ in ways], numbers
         ),
     )
-    last = 0
-    for number in numbers:
-        first, last = last, last + number
-        yield all_edges.part(slice(first, last))
+    return edges, numbers
 
 
 def _on_patch(continued: Mask, shape: tuple[int, ...]) -> Mask:
@@ -388,31 +401,47 @@ def _continued(
     if depth is not None:
         depths[RIM:-RIM, RIM:-RIM] = depth
     return _Continued(
-        pressure=_with_rim(pressure, boundary).ravel(),
-        gap=_with_rim(gap, boundary).ravel(),
+        pressure=with_rim(pressure, boundary, RIM).ravel(),
+        gap=with_rim(gap, boundary, RIM).ravel(),
         depth=depths.ravel(),
         on_patch=on_patch.ravel(),
         exists=exists.ravel(),
     )
 
 
-def _with_rim(field: Field, boundary: Boundary) -> Field:
-    """Return a field, (nx, ny), continued by `RIM` nodes on each side.
+def with_rim(field: Field, boundary: Boundary, width: int) -> Field:
+    """Continue a field by some nodes on each side, by the mode of the boundary in `CONTINUED`.
 
-    It is what `numpy.pad` returns in the mode of the boundary, in less time on small grids.
+    It is what `numpy.pad` returns, in less time on small grids.
+
+    Parameters
+    ----------
+    field : ndarray, shape (nx, ny)
+        The field.
+    boundary : str
+        "free", "periodic" or "mirror", see `bem.solve`.
+    width : int
+        Number of nodes on each side.
+
+    Returns
+    -------
+    ndarray, shape (nx + 2 width, ny + 2 width)
+        The continued field, a new array.
     """
-    rows, columns = (_sources_of_rim(nodes, boundary) for nodes in field.shape)
-    rim = [*range(RIM), *range(-RIM, 0)]
-    continued = np.empty([nodes + 2 * RIM for nodes in field.shape])
-    continued[RIM:-RIM, RIM:-RIM] = field
-    continued[RIM:-RIM, rim] = field[:, columns]
-    continued[rim] = continued[RIM + rows]
+    rows, columns = (_sources_of_rim(nodes, boundary, width) for nodes in field.shape)
+    rim = [*range(width), *range(-width, 0)]
+    continued = np.empty([nodes + 2 * width for nodes in field.shape])
+    continued[width:-width, width:-width] = field
+    continued[width:-width, rim] = field[:, columns]
+    continued[rim] = continued[width + rows]
     return continued
 
 
-def _sources_of_rim(nodes: int, boundary: Boundary) -> Nodes:
-    """Return the nodes along an axis whose values continue it, (2 RIM,): before it, then after."""
-    places: Nodes = np.concatenate([np.arange(-RIM, 0), np.arange(nodes, nodes + RIM)])
+def _sources_of_rim(nodes: int, boundary: Boundary, width: int) -> Nodes:
+    """Return the nodes whose values continue an axis, (2 width,): before it, then after it."""
+    places: Nodes = np.concatenate(
+        [np.arange(-width, 0), np.arange(nodes, nodes + width)]
+    )
     if boundary == "free":
         return np.clip(places, 0, nodes - 1)
     if boundary == "mirror":  # images repeat themselves after two sides

@@ -19,11 +19,11 @@ changes, and by how much:
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from bem.arrays import Field, Mask, Values
+from bem.derived.border import with_rim
 from bem.problem import Boundary
 
 # Relative difference of two heights, over the range of all heights, below which they are the same:
@@ -89,9 +89,8 @@ def border_signs(
     if boundary == "free":
         outer = _outer_nodes(touching) / nodes
     # Beyond a border a patch repeats itself, or its outer nodes are repeated.
-    mode: Literal["wrap", "edge"] = "wrap" if boundary == "periodic" else "edge"
-    continued_pressure = np.pad(pressure, 1, mode)
-    continued_gap = np.pad(gap, 1, mode)
+    continued_pressure = with_rim(pressure, boundary, 1)
+    continued_gap = with_rim(gap, boundary, 1)
     inside = continued_pressure > 0
     at_border = np.zeros_like(touching)
     edges = 0

@@ -49,9 +49,21 @@ KEPT_LARGEST = 4
 # Number of filters that each thread keeps whatever their memory is.
 FEWEST_KEPT = 4
 
-# For `kept`: the type of the filter that a function makes, and the types of its arguments.
-Kind = TypeVar("Kind", bound="FieldFilter")
+# For `kept`: the type of what a function makes, and the types of its arguments.
+Kind = TypeVar("Kind", bound="Buffered")
 Arguments = TypeVarTuple("Arguments")
+
+
+class Buffered(Protocol):
+    """An object with buffers, which each thread may keep for later solves.
+
+    Attributes
+    ----------
+    bytes : int
+        Memory that it occupies [bytes].
+    """
+
+    bytes: int
 
 
 class FieldFilter(Protocol):
@@ -477,6 +489,56 @@ class CosineFilter:
                 self.field[:] = result
 
 
+class RowTransform:
+    """Transforms of real rows, one band of rows after the other: Fourier's waves or cosines.
+
+    Parameters
+    ----------
+    rows : int
+        Number of rows in a band.
+    columns : int
+        Nodes of a row.
+    is_periodic : bool
+        Whether rows repeat themselves, so that they have Fourier's waves. Otherwise they have the
+        cosines of rows that mirror themselves half a node beyond their ends.
+
+    Attributes
+    ----------
+    band : ndarray, shape (rows, columns)
+        Buffer for the rows, which `waves` may overwrite.
+    count : int
+        Number by which amplitudes are multiplied in `waves`: nodes of a period.
+    bytes : int
+        Memory that the transform occupies [bytes].
+    """
+
+    def __init__(self, rows: int, columns: int, *, is_periodic: bool) -> None:
+        self.band = _aligned((rows, columns), np.float64)
+        self.count = columns if is_periodic else 2 * columns
+        self.bytes = self.band.nbytes
+        self._waves: Any = None
+        self._plan: Plan | None = None
+        if is_periodic:
+            self._waves = _aligned((rows, columns // 2 + 1), np.complex128)
+            self._plan = _plan(self.band, self._waves)
+            self.bytes += self._waves.nbytes + PLAN_BYTES
+
+    def waves(self) -> Any:
+        """Transform the rows in the buffer.
+
+        Returns
+        -------
+        ndarray, shape (rows, columns // 2 + 1) or (rows, columns)
+            Complex amplitudes of the waves, or real ones of the cosines, times `count`. The next
+            call may overwrite them [unit of the rows].
+        """
+        if self._plan is None:
+            with unforked():
+                return fft.dct(self.band, overwrite_x=True)
+        self._plan.execute()
+        return self._waves
+
+
 def _wave_type(factors: Real) -> np.dtype[Any]:
     """Return the complex type of waves with the precision of their factors."""
     return np.result_type(factors.dtype, np.complex64)
@@ -615,3 +677,20 @@ def _forget_oldest() -> None:
         _, oldest = filters.popitem(last=False)
         _KEPT.memory.bytes -= oldest.bytes
         excess -= oldest.bytes
+
+
+@kept
+def row_transform(rows: int, columns: int, is_periodic: bool) -> RowTransform:
+    """Return a transform of bands of rows.
+
+    Parameters
+    ----------
+    rows, columns, is_periodic
+        See `RowTransform`.
+
+    Returns
+    -------
+    RowTransform
+        The transform. It is shared by later calls on this thread, with its buffers.
+    """
+    return RowTransform(rows, columns, is_periodic=is_periodic)

@@ -3,6 +3,8 @@
 Other solvers count nodes in contact, and the count is too large along every border of contact. They
 need the coarsest grid whose count is within the error, which may be finer than the map. Where that
 grid is too large to be solved here, its nodes and its time are extrapolated, and the row says so.
+Such surfaces are those that need the finest grids. Ratios of times are therefore given over all
+surfaces, over the measured ones, and over the extrapolated ones.
 
 Tables call a solver with all its settings a way; ours is `bem.solve_within`.
 """
@@ -110,7 +112,7 @@ SEED = 7303
 """First number of the seeds of all surfaces, which keeps them apart from those of other studies."""
 
 PATIENCE = 5.0
-"""CPU time of a solve above which it is timed only once [s]."""
+"""CPU time of a solve above which it is timed only once, and no finer grid is solved [s]."""
 
 
 def timed(work: Callable[[], object], turn: float = TURN) -> float:
@@ -410,13 +412,16 @@ class _Peer:
 
     @property
     def is_done(self) -> bool:
-        """Whether a solved grid is within `LEAST_MEASURED`."""
-        return any(abs(solved.error) <= LEAST_MEASURED for solved in self._solved)
+        """Whether a solved grid is within `LEAST_MEASURED`, or took longer than `PATIENCE`."""
+        return any(
+            abs(solved.error) <= LEAST_MEASURED or solved.seconds > PATIENCE
+            for solved in self._solved
+        )
 
     def take_grid(self, grid: _Grid) -> None:
         """Find the tolerance on a grid, time the solver, and keep the time.
 
-        Keep nothing if the solver fails, no tolerance is sufficient, or a coarser grid suffices.
+        Keep nothing if the solver fails, no tolerance is sufficient, or no finer grid is solved.
         """
         if self.is_done:
             return
@@ -536,9 +541,9 @@ def ratios(rows: Sequence[Row]) -> list[Row]:
     -------
     list of Row
         A row for each error and solver. It has the number of surfaces on which the grid of the
-        error was measured, and the geometric means of the nodes a side and of the times over ours
-        on these; then the same for the surfaces on which that grid was extrapolated. A mean over no
-        surface is None.
+        error is known, and the geometric means of the nodes a side and of the times over ours on
+        these; then the same for the surfaces on which that grid was measured, and for those on
+        which it was extrapolated. A mean over no surface is None.
     """
     groups: dict[tuple[float, str], list[Row]] = {}
     for row in rows:
@@ -552,13 +557,15 @@ def ratios(rows: Sequence[Row]) -> list[Row]:
 
 
 def _ratio(rows: Sequence[Row]) -> Row:
-    """Return the means over measured grids, and those over extrapolated ones."""
-    ratio: Row = {}
+    """Return the means over all surfaces, over measured grids, and over extrapolated ones."""
+    groups = {"all": rows}
     for kind in NEEDED:
-        of_kind = [row for row in rows if row["row"] == kind]
-        ratio[f"{kind}_surfaces"] = len(of_kind)
-        ratio[f"{kind}_nodes"] = _mean(row["nodes"] for row in of_kind)
-        ratio[f"{kind}_times_ours"] = _mean(row["times_ours"] for row in of_kind)
+        groups[kind] = [row for row in rows if row["row"] == kind]
+    ratio: Row = {}
+    for name, group in groups.items():
+        ratio[f"{name}_surfaces"] = len(group)
+        ratio[f"{name}_nodes"] = _mean(row["nodes"] for row in group)
+        ratio[f"{name}_times_ours"] = _mean(row["times_ours"] for row in group)
     return ratio
 
 

@@ -15,7 +15,7 @@ from learn import dataset, split
 from learn.comparison.folder import Settings
 from learn.database_rows import Dataset
 from learn.dataset import Request
-from learn.features import chosen
+from learn.features import FeatureSet, chosen
 from learn.metrics import Scores, scores
 from learn.surrogate.calibration import plan_calibration
 from learn.surrogate.fitting import fit_target
@@ -46,6 +46,7 @@ class Ends(NamedTuple):
 class Fitted(Fit):
     """A fitted model of a target, which flags rows that do not resemble its training rows."""
 
+    features: FeatureSet  # feature set of the inputs, with the margins of their ranges
     low: Values  # (d,) smallest value of each of the d inputs among the training rows
     high: Values  # (d,) largest value of each input among the training rows
     distance: Distance  # distance of a row from the training rows, and its limit
@@ -116,7 +117,9 @@ class Fitted(Fit):
             True if an input is outside its range in the training, or if the row is farther from all
             training rows than the limit of `distance`.
         """
-        is_outside = ((rows.inputs < self.low) | (rows.inputs > self.high)).any(axis=1)
+        is_outside = self.features.is_outside(rows.inputs, self.low, self.high).any(
+            axis=1
+        )
         is_far = self.distance.of(rows.inputs) > self.distance.limit
         return np.asarray(is_outside | is_far)
 
@@ -230,6 +233,7 @@ def fit(
     fitted = fit_target(request, train, plan, folds, settings=settings)
     return Fitted(
         **vars(fitted),
+        features=train.features,
         low=train.inputs.min(axis=0),
         high=train.inputs.max(axis=0),
         distance=plan.distance,

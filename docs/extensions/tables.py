@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
+from bench.answers import FIRST, FURTHER
 from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
@@ -72,7 +73,10 @@ def beside_the_papers(row: Row) -> str:
 
 
 def searched() -> list[str]:
-    """Scores of the winners of the search of all nine grids, with the candidates that it judged."""
+    """Scores of the winners of the search of all nine grids, with the candidates that it judged.
+
+    Tables of before version 1.1.0 do not say which settings of a winner are at an end.
+    """
     rows_of_scores = scores("search")
     lines = []
     for row in table("search/area/tuning.csv"):
@@ -84,7 +88,10 @@ def searched() -> list[str]:
         winner = rows_of_scores[model, "tuned"]
         r2 = cells(winner, "r2", "paper_r2")
         nmae = cells(winner, "nmae", "paper_nmae")
-        lines.append(f"| {title} | {judged} | {row['winner']} | {nmae} | {r2} |")
+        ends = row.get("ends") or "-"
+        lines.append(
+            f"| {title} | {row['rows']} | {judged} | {row['winner']} | {ends} | {nmae} | {r2} |"
+        )
     return lines
 
 
@@ -255,7 +262,9 @@ def exponents() -> list[str]:
 
 def asked() -> list[str]:
     """Return what is asked and what is measured, as at the top of the page."""
-    lines_of_page = answers(PARTS, Inputs(RESULTS, None, None, full=True))
+    lines_of_page = answers(
+        PARTS, Inputs(RESULTS, None, None, full=True), (*FIRST, *FURTHER)
+    )
     return [f"| {line.question} | {line.answer} |" for line in lines_of_page]
 
 
@@ -389,15 +398,22 @@ TABLES = {
         ("asked", "measured"),
         asked,
         (
-            *("hertz/hertz.csv", "peers/peers.csv", "peers/periodic.csv"),
-            *(
-                "stability/models.csv",
-                "stability/stability.csv",
-                "stability/surfaces.csv",
-            ),
-            *("growth/growth.csv", "comparison/area/scores.csv"),
-            *("cost/learning.csv", "coverage/coverage.csv", "scans/scans.csv"),
-            *("grow/grow.csv", "cost/cost.csv"),
+            "accuracy/promises.csv",
+            "accuracy/ratios.csv",
+            "hertz/hertz.csv",
+            "stability/models.csv",
+            "stability/stability.csv",
+            "stability/surfaces.csv",
+            "calculix/calculix.csv",
+            "cost/learning.csv",
+            "peers/peers.csv",
+            "peers/periodic.csv",
+            "growth/growth.csv",
+            "comparison/area/scores.csv",
+            "coverage/coverage.csv",
+            "scans/scans.csv",
+            "grow/grow.csv",
+            "cost/cost.csv",
         ),
     ),
     "peers": PageTable(
@@ -486,9 +502,11 @@ TABLES = {
     ),
     "searched": PageTable(
         (
-            "learnt from 300 rows",
+            "model",
+            "training rows",
             "candidates judged",
             "winner",
+            "at an end of the values tried",
             "nMAE [%]",
             "the paper's",
             "R2 [%]",

@@ -4,8 +4,8 @@ Imperfections of the maps are separated first, see `gen.draft.imperfections`. A 
 imperfections is its texture. A translation field, see `gen.population`, is fitted to the textures
 in three steps:
 
-- The curve from normal scores to heights follows from the textures' heights, see
-  `gen.draft.height_curve`.
+- The curve from normal scores to heights follows from the textures' heights or from their slopes,
+  see `gen.draft.height_curve`. The contact chooses, see `gen.draft.curve_choice`.
 - The target spectrum of the surfaces is that of the textures in bands. It is corrected until rms
   slopes along both axes and rms curvature, over the rms height, are those of the textures.
 - The spectrum of the Gaussian field follows from both. The Hermite polynomials of the curve
@@ -46,10 +46,12 @@ from gen.draft.bands import (
     smoothed,
     with_means,
 )
+from gen.draft.curve_choice import nearest_population
 from gen.draft.height_curve import HeightCurve
 from gen.draft.imperfections import MOST_HEIGHTS, separate_imperfections
 from gen.draft.joined import join_in_bands
 from gen.draft.likeness import rounded
+from gen.draft.parts import with_parts
 from gen.draft.proposal import common_spacing, nodes_like, with_chosen_steps
 from gen.draft.survey import MapSurvey, measure, require_usable, survey_maps
 from gen.maps.filters import is_same
@@ -196,12 +198,12 @@ def propose_population(paths: Sequence[Path], reading: Reading) -> LikeMaps:
     spacing = common_spacing([survey.spacing for survey in surveys])
     prepared = [_prepared(survey, reading, spacing) for survey in surveys]
     maps = [prepared_map.fitted_map for prepared_map in prepared]
-    steps = maps[0].topography.steps
-    population = fit_population(maps, "; ".join(steps))
+    topography = maps[0].topography
     lengths = _autocorrelation_lengths(prepared)
     length = float(np.median(lengths)) if lengths else math.nan
-    shape = _shape(maps[0].topography.heights)
-    nodes = nodes_like(shape, length / max(population.spacing))
+    shape = _shape(topography.heights)
+    nodes = nodes_like(shape, length / max(topography.spacing))
+    population = fit_population(maps, "; ".join(topography.steps), nodes)
     return LikeMaps(
         surveys=[prepared_map.survey for prepared_map in prepared],
         reading=reading,
@@ -330,7 +332,9 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
     )
 
 
-def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
+def fit_population(
+    maps: Sequence[FittedMap], preparation: str, nodes: int | None = None
+) -> Population:
     """Fit a population to maps of one kind.
 
     The heights of each map are divided by its rms height. The rms height of the population is the
@@ -342,6 +346,9 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
         The maps, at least one.
     preparation : str
         How the maps were prepared, for the population's file.
+    nodes : int, optional
+        Nodes along each side of the patches of a scene. If the maps differ from place to place, the
+        population has parts of this size, see `gen.draft.parts`.
 
     Returns
     -------
@@ -369,30 +376,40 @@ def fit_population(maps: Sequence[FittedMap], preparation: str) -> Population:
     ]
     shape = max((texture.shape for texture in textures), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
-    curve = HeightCurve.of(textures)
-    target = _target_spectrum(textures, grid).with_variance(curve.variance)
+    target = _target_spectrum(textures, grid)
     imperfections = tuple(
         _heights_in_rows(imperfection / rms_height_of_map * rms_height)
         for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
         for imperfection in separated_map.imperfections
     )
-    population = _population(
-        maps=maps,
-        preparation=preparation,
-        shortest=_shortest_wave(maps),
-        target=target,
-        curve=curve,
-        rms_height=rms_height,
-        imperfections=imperfections,
-        remarks=(),
-    )
+    curves = [HeightCurve.of(textures)]
+    by_slopes = HeightCurve.by_slopes(textures, spacing)
+    if by_slopes is not None and by_slopes.has_bearing_heights_of(curves[0]):
+        curves.append(by_slopes)
+    populations = [
+        _population(
+            maps=maps,
+            preparation=preparation,
+            shortest=_shortest_wave(maps),
+            target=target.with_variance(curve.variance),
+            curve=curve,
+            rms_height=rms_height,
+            imperfections=imperfections,
+            remarks=(),
+        )
+        for curve in curves
+    ]
     scaled_maps = [
         heights * (rms_height / rms_height_of_map)
         for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
     ]
+    population = nearest_population(populations, scaled_maps)
     of_maps = Roughness.of(scaled_maps, spacing)
     remarks = _remarks_on_roughness(population, shape, of_maps)
-    return replace(population, remarks=tuple(remarks))
+    population = replace(population, remarks=tuple(remarks))
+    if nodes is None:
+        return population
+    return with_parts(population, [rms_height * texture for texture in textures], nodes)
 
 
 def _population(

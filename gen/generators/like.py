@@ -199,6 +199,13 @@ class LikeSurface(GeneratedSurface):
                 "pits, dust and scratches of the maps are copied to random places; there are"
                 f" {len(population.imperfections)} on the maps"
             )
+        if population.parts is not None:
+            part_x, part_y = population.parts.nodes
+            lines.append(
+                f"patches of {part_x} x {part_y} nodes are each like one of"
+                f" {len(population.parts.members)} parts of the maps, which differ from place"
+                " to place"
+            )
         if any(
             side > length * (1 + 1e-9)
             for side, length in zip((nx * dx, ny * dy), population.longest, strict=True)

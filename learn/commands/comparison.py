@@ -38,6 +38,10 @@ Output = Annotated[
 ]
 
 
+LEAST_CANDIDATES = 10
+"""Smallest number of `--candidates`: `learn.comparison.grid.LEAST_JUDGED`, without its imports."""
+
+
 class Selection(NamedTuple):
     """The options about models, rows and features of a comparison; see their help."""
 
@@ -97,6 +101,15 @@ def tune(
             " too large for it, then five folds of all rows. Without it, whole grids.",
         ),
     ] = "",
+    candidates: Annotated[
+        int | None,
+        typer.Option(
+            min=LEAST_CANDIDATES,
+            metavar="N",
+            help="Number of candidates of each model to judge, or a few more: successive halving"
+            " chooses them. No fit is stopped.",
+        ),
+    ] = None,
     *,
     selection: Selection,
 ) -> int:
@@ -105,12 +118,20 @@ def tune(
     Five folds of all rows decide. Where no candidate is better than the baseline that `compare`
     fits, the baseline wins.
 
+    With `--candidates` the paper's optimum is judged, too. Of candidates that take longer than five
+    minutes of processor time, only the optimum and the best other one are judged.
+
     Every finished fit is kept: interrupted or killed, the same command goes on. Started as
     `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
     them.
     """
     began = time.time()  # before slow imports, which are part of the budget
     from learn.comparison import jobs
+
+    if budget and candidates is not None:
+        raise InputError(
+            f"--budget {budget} and --candidates {candidates}: give one of them"
+        )
 
     return _run_jobs(
         jobs.tune,
@@ -119,6 +140,7 @@ def tune(
         output,
         budget=budget,
         began=began,
+        candidates=candidates,
         must_beat_constant=True,
     )
 
@@ -149,6 +171,7 @@ def _run_jobs(
     *,
     budget: str = "",
     began: float = 0.0,
+    candidates: int | None = None,
     must_beat_constant: bool = False,
 ) -> int:
     """Run the jobs of a comparison on all processes of the run; write and print its tables.
@@ -157,7 +180,8 @@ def _run_jobs(
     of the signal that stopped it, or 0. Return the exit code: 0, or 128 plus this number.
 
     `budget` is the text of the time that the command may take, "" for no limit. The time starts at
-    `began` of `time.time` [s], which is not used without a budget.
+    `began` of `time.time` [s], which is not used without a budget. `candidates` is the smallest
+    number of candidates to judge, or None.
 
     With `must_beat_constant`, InputError is raised at the end if a constant predicts as well as a
     tuned model. A baseline may be no better than a constant, because nobody has chosen its
@@ -170,7 +194,14 @@ def _run_jobs(
         until = inf
         if budget:
             until = began + seconds(budget)
-        request = request_of(selection, [file], output, selection.features, until=until)
+        request = request_of(
+            selection,
+            [file],
+            output,
+            selection.features,
+            until=until,
+            candidates=candidates,
+        )
         with lock_folder(output):
             signal_number = jobs(request, executor)
             if signal_number:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
@@ -42,6 +42,9 @@ from learn.models import (
     remarks,
 )
 from learn.split import FOLDS, Folds
+
+EPOCHS = ("max_iter", "max_fun")
+"""Settings of a candidate that limit its epochs, by the number of them and of evaluations."""
 
 LEAST_SCORE = -1e20
 """Smallest R2 of a trial. A fit with a smaller one, which would spoil means, counts as diverged."""
@@ -176,7 +179,7 @@ class Trial(documents.Document):
     r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
     failure: str = ""  # why there is no score; "" if there is one
     remark: str = ""  # warnings of the fit
-    # time of fit and scoring over the number of candidates that the fit serves [s]
+    # processor time of fit and scoring over the number of candidates that the fit serves [s]
     seconds: Seconds = 0.0
 
     @property
@@ -272,7 +275,8 @@ class FoldScore:
 def fit(training: Training, task: Task) -> list[Trial]:
     """Fit the candidates of a task, and score each of them on the fold that is left out.
 
-    If the fit that serves several candidates fails, each candidate is fitted by itself.
+    If the fit that serves several candidates fails, each candidate is fitted by itself. A fit to a
+    share of the training rows has the same share of the candidates' `EPOCHS`.
 
     Parameters
     ----------
@@ -297,7 +301,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     check_memory(task.model, inside.size)
     with remarks() as warnings:
-        began = perf_counter()
+        began = process_time()
         try:
             scores = _scores(training, task, inside)
         # Libraries raise errors of any type. A candidate whose fit failed has no score.
@@ -306,7 +310,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
                 # Only one of the candidates may be at fault.
                 return _fit_one_by_one(training, task)
             scores = [FoldScore(r2=None, failure=reason(error))]
-        seconds = (perf_counter() - began) / len(task.candidates)
+        seconds = (process_time() - began) / len(task.candidates)
     return [
         Trial(
             candidate=name,
@@ -348,6 +352,8 @@ def _scores(training: Training, task: Task, inside: Indices) -> list[FoldScore]:
         shared = model.shared
     # All settings but this one are equal for the candidates of a task.
     common = {name: value for name, value in candidates[0].items() if name != shared}
+    if task.rows < training.rows:
+        common = _with_fewer_epochs(common, task.rows / training.rows)
     unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
     if shared in candidates[0]:
         values = [candidate[shared] for candidate in candidates]
@@ -359,6 +365,14 @@ def _scores(training: Training, task: Task, inside: Indices) -> list[FoldScore]:
         predictions = [fitted.predict(rows.test_inputs)]
     truth = training.target[outside]
     return [_score(truth, prediction) for prediction in predictions]
+
+
+def _with_fewer_epochs(settings: SettingValues, share: float) -> SettingValues:
+    """Return settings with a share of their `EPOCHS`, which is above 0 and at most 1."""
+    limits = {
+        name: math.ceil(share * settings[name]) for name in EPOCHS if name in settings
+    }
+    return {**settings, **limits}
 
 
 def reason(error: Exception) -> str:

@@ -124,6 +124,8 @@ class SearchReport(Document):
     fits_nominal: Count  # number of fits if each served one candidate only
     fits: Count  # number of finished fits to all rows
     baseline_fits: Count = 0  # number of folds on which the baseline has a score
+    # number of judged candidates that a winner needs
+    enough: Count = grids.LEAST_JUDGED
     winner: Literal["grid", "optimum", "baseline"] | None = None  # origin of the winner
     # settings of the best candidate that are at an end of all values that were tried
     ends: list[str] = Field(default_factory=list)

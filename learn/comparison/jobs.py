@@ -1,8 +1,9 @@
 """The jobs `compare` and `tune`: fit the baselines of models, or search grids and fit the winners.
 
 A job runs on the master, and is written as if there were one process only: the executor
-(`learn.executor`) does its fits on the workers. Fits of a search are timed while other fits run;
-the fits of `fit_and_time` are timed while the other processes wait.
+(`learn.executor`) does its fits on the workers. Times are processor times, which other programs on
+the machine hardly change. Fits of a search are timed while other fits run; the fits of
+`fit_and_time` are timed while the other processes wait.
 
 `open_targets` reads the rows and opens the folder of each target. `fit_and_time` makes the scores
 and times of the paper's Table 4, and `learn.comparison.search` those of its Table 3.
@@ -15,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from statistics import median
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ class TimedFit:
 
 @dataclass(frozen=True)
 class FitTimes:
-    """Median times of a fit and its predictions on one thread [s]; None if the fit has failed."""
+    """Median processor times of a fit and its predictions [s]; None if the fit has failed."""
 
     fit: float | None = None  # time of a fit
     fits: int = 0  # number of fits of this median
@@ -230,7 +231,9 @@ def tune(request: Request, executor: Executor) -> int:
             with Trials(path, conditions) as trials:
                 search = _search_of(target, model, trials, executor, stopping)
                 search.searches = len(searches)  # All of them share the budget.
-                if math.isinf(until):  # There is time for the whole grid.
+                if request.candidates is not None:
+                    search.choose(request.candidates)
+                elif math.isinf(until):  # There is time for the whole grid.
                     search.exhaust()
                 else:
                     search.halve(until)
@@ -357,8 +360,8 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
     Returns
     -------
     MeasuredFit
-        Predictions, scores, and median times on one thread. If a fit or prediction raises an error,
-        there are none of these, and `failure` is the reason; the error is not raised.
+        Predictions, scores, and median processor times on one thread. If a fit or prediction raises
+        an error, there are none of these, and `failure` is the reason; the error is not raised.
     """
     training = training.seen_by(task.model)
     unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
@@ -374,9 +377,9 @@ def fit_and_time(training: Training, task: TimedFit) -> MeasuredFit:
     test_scores = None
     with remarks() as warnings:
         try:
-            began = perf_counter()
+            began = process_time()
             fitted = fit()
-            first_fit = perf_counter() - began
+            first_fit = process_time() - began
             chosen = _chosen_by_fit(fitted)
             train_scores = scores(
                 restored(training.target), restored(fitted.predict(training.inputs))
@@ -443,7 +446,7 @@ def repeated(
     before: float = 0.0,
     until: float = math.inf,
 ) -> list[float]:
-    """Repeat an action and time it.
+    """Repeat an action and measure its processor time.
 
     Parameters
     ----------
@@ -452,14 +455,14 @@ def repeated(
     repetitions : Repetitions
         Smallest and largest number of repetitions.
     before : float
-        Time that the action took before these repetitions; 0 if it is unknown [s].
+        Processor time of the action before these repetitions; 0 if it is unknown [s].
     until : float
         Time of `time.time` before which each repetition has to end [s].
 
     Returns
     -------
     list of float
-        Times of the repetitions [s]. There are `repetitions.largest`, or at least
+        Processor times of the repetitions [s]. There are `repetitions.largest`, or at least
         `repetitions.fewest` if they take longer than `ENOUGH` together. There are fewer, or none at
         all, if `before` and the times of the repetitions add up to `TOO_LONG` or more, or if the
         next repetition might end after `until`.
@@ -471,9 +474,9 @@ def repeated(
         # A repetition may take up to twice as long as the longest one before.
         if time.time() + 2 * max([before, *times]) >= until:
             break
-        began = perf_counter()
+        began = process_time()
         action()
-        times.append(perf_counter() - began)
+        times.append(process_time() - began)
     return times
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from gen.runtime.terminal import command_to_type, echo, print_columns
 from learn.comparison import paper
 from learn.comparison.folder import SearchReport
-from learn.comparison.grid import LEAST_JUDGED, LIBRARY_ROWS, space_of
+from learn.comparison.grid import LIBRARY_ROWS, space_of
 from learn.comparison.tables import (
     NOT_SEARCHED,
     OUR_AREA,
@@ -205,7 +205,7 @@ def _remarks_on_result(row: TableRow, features: str) -> Iterator[str]:
         return  # An ordinary baseline needs no remark.
     elif winner_of(search) == NOT_SEARCHED:
         judged = f"{search.candidates_scored} candidates were judged"
-        yield f"{row.title}: {NOT_SEARCHED}: {judged}, of {LEAST_JUDGED} at least"
+        yield f"{row.title}: {NOT_SEARCHED}: {judged}, of {search.enough} at least"
     elif row.is_baseline_that_won:
         yield f"{row.title}: {WHY_BASELINE}"
     else:

@@ -5,10 +5,12 @@ largest score is the best one, and the first of these in the order of ParameterG
 equal scores. A candidate with a failed fold has no score. The baseline, which is not a point of the
 grid, wins if no candidate is better.
 
-If the time is limited, successive halving on the number of training rows chooses the candidates
-that are judged, as in scikit-learn's HalvingGridSearchCV: all candidates are fitted to few rows,
-the best third of them to three times as many rows, and so on. scikit-learn's own halving is limited
-by rows and not by time, shares no fits, and can be neither spread over machines nor resumed.
+If the time or the number of candidates is limited, successive halving on the number of training
+rows chooses the candidates that are judged, as in scikit-learn's HalvingGridSearchCV: candidates
+are fitted to few rows, the best third of them to three times as many rows, and so on.
+scikit-learn's own halving is limited by rows and not by time, shares no fits, and can be neither
+spread over machines nor resumed. `GridSearch.halve` is limited by a time, and `GridSearch.choose`
+by a number of candidates, so that a busy machine judges as many of them as one at rest.
 
 The search of Table 2's grids gives the numbers of the paper's Table 3: `GridSearch.report` the
 winners, and `GridSearch.seconds` the times.
@@ -47,6 +49,9 @@ JUDGED = 0.75  # share of the time for judging; the rest is for the last fit of 
 # many rows.
 FACTOR = 3
 LEAST_ROWS = 300  # smallest number of training rows of the first step
+# Largest processor time of a candidate in a step of `choose` [s]. Of the candidates that take
+# longer, only the optimum and the best other one take part.
+LONGEST = 300.0
 
 Family = tuple[str, ...]
 """Names of all candidates that one fit serves. The baseline is a family by itself."""
@@ -77,6 +82,7 @@ class GridSearch:
     searches: int = 1  # number of searches that share the budget, this one included
     # times after which fits to all rows were stopped [s]
     ended: list[float] = field(default_factory=list)
+    enough: int = LEAST_JUDGED  # number of judged candidates that a winner needs
 
     @property
     def baseline_family(self) -> Family:
@@ -250,9 +256,105 @@ class GridSearch:
             steps.append(f"{_counted(self.judged)} {on_rows}")
             self.how = f"successive halving: {', '.join(steps)}"
 
+    def choose(self, number: int) -> None:
+        """Judge a number of candidates of the grid, which successive halving chooses; see `run`.
+
+        No time ends a fit, and no time but that of long fits (`LONGEST`) takes part in the choice:
+        another call with equal trials makes the same choice. Each step on fewer rows has `FACTOR`
+        times as many candidates as the next one. All candidates of a family take part together.
+
+        `how` becomes a description of the steps. `enough` becomes smaller if too few candidates are
+        judged because the fits of others are long. A winner at an end of the grid, for which
+        `report` names the end, is followed beyond it unless its own fits are long.
+
+        Parameters
+        ----------
+        number : int
+            Smallest number of candidates that are judged, besides the family of the optimum.
+        """
+        total = self.training.rows
+        baseline = self.tasks([self.baseline_family], total)
+        self.run(baseline, f"the baseline on {total} rows")
+        order = self._drawn_families()
+        wanted = number * FACTOR ** (len(self._sizes) - 1)  # candidates of the first step
+        steps = []
+        for rows in self._sizes[:-1]:
+            families = self._families_of_step(order, wanted, rows, STEP_FOLDS)
+            on_rows = f"on {rows} rows, {STEP_FOLDS} folds"
+            self.run(self.tasks(families, rows, STEP_FOLDS), f"candidates {on_rows}")
+            steps.append(f"{_counted(_size(families))} {on_rows}")
+            # If no candidate has a score, the next step takes the old order.
+            order = self._ranked(families, rows) or families
+            wanted //= FACTOR
+        families = self._families_of_step(order, wanted, total, FOLDS)
+        self.enough = min(LEAST_JUDGED, _size(families))
+        on_rows = f"on {total} rows, {FOLDS} folds"
+        self.run(self.tasks(families, total), f"the best candidates {on_rows}")
+        if self._winner_seconds() <= LONGEST:
+            self._go_beyond()
+        if self.judged < len(self.grid.differing):
+            steps.append(f"{_counted(self.judged)} {on_rows}")
+            self.how = f"successive halving: {', '.join(steps)}"
+
+    def _families_of_step(
+        self, order: list[Family], wanted: int, rows: int, folds: int
+    ) -> list[Family]:
+        """Return the families that take part in a step of `choose`.
+
+        They are the family of the optimum, the first other one in `order`, and the next ones whose
+        fits are not long, until there are `wanted` candidates besides the optimum's family.
+        """
+        families = [family for family in self.grid.families if self.optimum in family]
+        others = [family for family in order if family not in families]
+        families += others[:1]
+        counted = _size(others[:1])
+        for family in others[1:]:
+            if counted >= wanted:
+                break
+            if self._expected_seconds(family, rows, folds) <= LONGEST:
+                families.append(family)
+                counted += len(family)
+        return families
+
+    def _expected_seconds(self, family: Family, rows: int, folds: int) -> float:
+        """Estimate the processor time of a candidate of a family in a step of `choose` [s].
+
+        `rows` and `folds` are the training rows and folds of the step. The estimate is from the
+        fits of the step before; it is 0 without such fits.
+        """
+        sizes_before = [size for size in self._sizes if size < rows]
+        if not sizes_before:
+            return 0.0
+        before = sizes_before[-1]
+        shares = self._seconds_of(family, before, range(STEP_FOLDS))
+        if not shares:
+            return 0.0
+        growth = float((rows / before) ** self.model.growth)
+        return folds * growth * sum(shares) / len(shares)
+
+    def _winner_seconds(self) -> float:
+        """Return the processor time of all fits to all rows of the winner's family [s].
+
+        It is 0 without a winner, and if the baseline is the winner.
+        """
+        seconds = 0.0
+        for family in self.grid.families:
+            if self.winner in family:
+                seconds += sum(self._seconds_of(family, self.training.rows, range(FOLDS)))
+        return seconds
+
+    def _seconds_of(self, family: Family, rows: int, folds: Iterable[int]) -> list[float]:
+        """Return the processor times of the finished trials of a family on some folds [s].
+
+        Each candidate of a family has an equal share of the time of their fit.
+        """
+        places = (Place(name, fold, rows) for name, fold in product(family, folds))
+        trials = self.trials.finished
+        return [trials[place].seconds for place in places if place in trials]
+
     @property
     def _sizes(self) -> list[int]:
-        """Numbers of training rows of the steps of `halve`, ascending; all rows come last."""
+        """Numbers of training rows of the steps of halving, ascending; all rows come last."""
         sizes = [self.training.rows]
         while sizes[0] // FACTOR >= LEAST_ROWS:
             sizes.insert(0, sizes[0] // FACTOR)
@@ -449,7 +551,7 @@ class GridSearch:
     @property
     def _least_judged(self) -> int:
         """Number of candidates that have to be judged for a winner."""
-        return min(LEAST_JUDGED, len(self.grid.differing))
+        return min(self.enough, len(self.grid.differing))
 
     @property
     def advice(self) -> str:
@@ -499,12 +601,9 @@ class GridSearch:
     def _seconds_of_fits(self) -> list[float]:
         """Return the times of finished fits to all rows [s], one for each family and fold."""
         families = [self.baseline_family, *self.grid.families]
-        trials = self.trials.finished
         times = []
         for family, fold in product(families, range(FOLDS)):
-            places = (Place(name, fold, self.training.rows) for name in family)
-            # Each candidate of a family has an equal share of the time of their fit.
-            shares = [trials[place].seconds for place in places if place in trials]
+            shares = self._seconds_of(family, self.training.rows, [fold])
             if shares:
                 times.append(sum(shares))
         return times
@@ -541,6 +640,7 @@ class GridSearch:
             fits_nominal=FOLDS * len(grid.candidates),
             fits=self._fits_done(),
             baseline_fits=baseline_fits,
+            enough=self._least_judged,
             winner=self._place_of_winner(),
             ends=list(grid.ends(best)),
             r2_folds=self._percent_of_folds(self.winner),
@@ -568,6 +668,11 @@ class GridSearch:
         if any(map(math.isnan, scores)):
             return []
         return [100 * r2 for r2 in scores]
+
+
+def _size(families: Iterable[Family]) -> int:
+    """Return the number of candidates of families."""
+    return sum(len(family) for family in families)
 
 
 def _counted(number: int) -> str:

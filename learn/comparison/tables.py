@@ -32,7 +32,7 @@ from learn.comparison.folder import (
     SearchReport,
     StoredResult,
 )
-from learn.comparison.grid import LEAST_JUDGED, LIBRARY
+from learn.comparison.grid import LIBRARY
 from learn.metrics import BOOTSTRAP, LEVEL, Scores, bootstrap, no_better, spread
 from learn.models import EVERY
 
@@ -75,6 +75,7 @@ TUNING = (
     "winner",
     *DECIDING,
     "settings",
+    "ends",
 )
 """Columns of tuning.csv."""
 
@@ -290,7 +291,7 @@ def winner_of(search: SearchReport) -> str:
         judged; "" for a report of an earlier version that has failures and no winner.
     """
     # Reports of earlier versions name a winner of too few candidates, too.
-    needed = min(LEAST_JUDGED, search.candidates_differing)
+    needed = min(search.enough, search.candidates_differing)
     if search.candidates_scored < needed and not search.failures:
         return NOT_SEARCHED
     return search.winner or ""
@@ -377,7 +378,8 @@ def search_cells(row: TableRow, search: SearchReport) -> Cells:
     -------
     dict
         Cells by column: R2 in percent, times in seconds. Each file takes the cells of its own
-        columns. A mean of R2 (`DECIDING`) is left out unless there is a score on every fold.
+        columns. A mean of R2 (`DECIDING`) is left out unless there is a score on every fold. `ends`
+        are the winner's settings that are at an end of all values that were tried.
         `fit_seconds`, the sum of the times of all fits of the search, is left out if the result has
         no times.
     """
@@ -399,6 +401,8 @@ def search_cells(row: TableRow, search: SearchReport) -> Cells:
         folds: list[float] = getattr(search, name)
         if folds:
             cells[column] = sum(folds) / len(folds)
+    if not row.is_baseline_that_won:
+        cells["ends"] = ", ".join(search.ends)
     if row.result.times is not None:
         cells["fit_seconds"] = row.result.times.search
     return cells

@@ -26,9 +26,11 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.quantities import Powers
+from gen.ranges import margins, outside
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from learn.features import scene as scenic
@@ -61,6 +63,11 @@ from learn.features.scene import SCENE
 
 # Type of a function that takes n rows and returns one feature of them, (n,).
 Formula = Callable[[Rows], Values]
+
+
+# Features without a margin beyond their training ranges. A user chooses these numbers: they do not
+# scatter from surface to surface.
+EXACT = (NODES, HARDNESS, BASE_RATIO)
 
 
 def _statistic(number: int, rows: Rows) -> Values:
@@ -248,6 +255,40 @@ class FeatureSet(ABC):
             scenes define, these limits.
         """
 
+    @abstractmethod
+    def margins(self, low: Values, high: Values) -> Values:
+        """Return how far beyond its training range each feature is not flagged.
+
+        Parameters
+        ----------
+        low, high : ndarray, shape (d,)
+            Smallest and largest value of each feature in the training.
+
+        Returns
+        -------
+        ndarray, shape (d,)
+            Margins in the units of the features, see `gen.ranges`; 0 for features without one.
+        """
+
+    def is_outside(
+        self, features: Values, low: Values, high: Values
+    ) -> NDArray[np.bool_]:
+        """Tell which features are beyond their training ranges and the margins.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n, d)
+            Features in the order of `columns`.
+        low, high : ndarray, shape (d,)
+            Smallest and largest value of each feature in the training.
+
+        Returns
+        -------
+        ndarray of bool, shape (n, d)
+            True for features by which a row is flagged.
+        """
+        return outside(features, low, high, self.margins(low, high))
+
     def scale(self, powers: Powers | None, rows: Rows, modulus: Values | float) -> Values:
         """Return the numbers by which a target is divided before it is learnt.
 
@@ -334,6 +375,15 @@ class OfSurface(FeatureSet):
         """Return the smallest and the largest features of the rows."""
         return scenic.Ranges(low=inputs.min(axis=0), high=inputs.max(axis=0))
 
+    def margins(self, low: Values, high: Values) -> Values:
+        """Return margins, (d,), that are relative to the ends of the ranges.
+
+        Features in `EXACT` have no margin.
+        """
+        is_logarithm = np.array([column.startswith("log(") for column in self.columns])
+        relative = margins(low, high, is_logarithm)
+        return np.where(np.isin(self.columns, EXACT), 0.0, relative)
+
 
 class OfScene(FeatureSet):
     """A set of the numbers that a scene draws for a row, and its load."""
@@ -374,6 +424,10 @@ class OfScene(FeatureSet):
     def ranges(self, scenes: Sequence[Scene], inputs: Values) -> scenic.Ranges:
         """Return the limits that all scenes define; for other features those of the rows."""
         return scenic.training_ranges(scenes, self.columns, inputs)
+
+    def margins(self, low: Values, high: Values) -> Values:
+        """Return no margin, (d,): a scene defines the limits of its numbers."""
+        return np.zeros(len(low))
 
 
 @dataclass(frozen=True)

@@ -418,16 +418,18 @@ def _without_derived(estimator: Any) -> Any:
     """Return a copy of a fitted estimator without the attributes that predictions do not need.
 
     A Gaussian process loses its factor, a matrix of its training rows. The mean of a population
-    loses its predictions of the training rows. Kernel ridge becomes scikit-learn's own class.
+    loses its predictions of the training rows. Kernel ridge and a Gaussian process become
+    scikit-learn's own classes.
     """
+    from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.kernel_ridge import KernelRidge
 
-    if isinstance(estimator, KernelRidge):
-        # Models are fitted by a class of `learn.kernel_ridge`, which is not among `REVIEWED`.
-        copied = KernelRidge()
-        vars(copied).update(vars(estimator))
-    else:
-        copied = copy(estimator)
+    copied = copy(estimator)
+    for reviewed in (GaussianProcessRegressor, KernelRidge):
+        if isinstance(estimator, reviewed):
+            # Models are fitted by a class of ours, which is not among `REVIEWED`.
+            copied = reviewed()
+            vars(copied).update(vars(estimator))
     if hasattr(copied, "L_"):
         copied.L_ = None
     vars(copied).pop("left_out_", None)

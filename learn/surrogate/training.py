@@ -1,8 +1,8 @@
 """The training of a surrogate, and how rows to predict differ from it.
 
-A row is flagged if it differs from the training: a feature is outside its range, the distance from
-the training is large (`learn.surrogate.interval`), or the grid or the hardness is not one of the
-training's.
+A row is flagged if it differs from the training: a feature is outside its range by more than a
+small margin (`gen.ranges`), the distance from the training is large (`learn.surrogate.interval`),
+or the grid or the hardness is not one of the training's.
 `Training.reasons` says in words what differs.
 """
 
@@ -171,11 +171,12 @@ class Training:
     def _range_notes(self, inputs: Values) -> list[str]:
         """Return a note for each row on its features outside their training ranges, else "".
 
+        Features within the margins of the ranges, see `FeatureSet.margins`, are not outside.
         `inputs` are the features of n rows, (n, d). A note shows the features as `FeatureSet.shown`
         does, without the logarithms of a scene.
         """
         notes = [""] * len(inputs)
-        outside = (inputs < self.low) | (inputs > self.high)
+        outside = self.features.is_outside(inputs, self.low, self.high)
         values = self.features.shown(inputs)
         low = self.features.shown(self.low)
         high = self.features.shown(self.high)

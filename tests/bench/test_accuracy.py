@@ -216,9 +216,20 @@ def test_other_solvers_are_timed_at_the_loosest_tolerance_that_keeps_the_count(
     (ratio,) = (row for row in times.ratios(rows) if row["within_percent"] == 1.0)
     assert ratio["measured_times_ours"] is None
     assert ratio["extrapolated_times_ours"] == pytest.approx(needed[1.0]["times_ours"])
+    assert ratio["all_times_ours"] == ratio["extrapolated_times_ours"]
     points = times.curves(rows)
     assert {row["way"] for row in points} == {"Tamaas", times.OURS}
     assert all(row["default_seconds"] > 0 for row in points)
+
+
+def test_no_finer_grid_is_solved_once_a_solve_takes_too_long(monkeypatch):
+    rough = Rough.drawn(waves=4, number=0)
+    solver = Stub()
+    peer = times._Peer(rough, solver)
+    monkeypatch.setattr(times, "PATIENCE", 1e-9)
+    for in_wave in (8, 10):
+        peer.take_grid(times._Grid.solved(rough, in_wave))
+    assert {nodes for nodes, _ in solver.tried} == {32}
 
 
 def test_a_solver_that_fails_is_left_out(monkeypatch, capsys):

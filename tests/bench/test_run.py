@@ -150,6 +150,18 @@ def test_parts_that_take_no_times_are_made_side_by_side(tmp_path, monkeypatch, c
     assert set(said[1:3]) == {"two", "three"}
 
 
+def test_parts_that_take_hours_have_to_be_named_and_have_no_limit(tmp_path, monkeypatch):
+    parts = [part("short", WRITE), replace(part("long", WRITE), named=True)]
+    monkeypatch.setattr(running, "PARTS", parts)
+    monkeypatch.setattr(running, "write_page", lambda *_: tmp_path / "index.html")
+    assert main(["run", "-o", str(tmp_path)]) == 0
+    assert (tmp_path / "short" / "made.txt").exists()
+    assert not (tmp_path / "long").exists()
+    monkeypatch.setattr(running, "COMMAND_LIMIT", 0.0)
+    assert main(["run", "-o", str(tmp_path), "long"]) == 0
+    assert (tmp_path / "long" / "made.txt").exists()
+
+
 def test_a_part_that_hangs_is_ended_and_failed(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "COMMAND_LIMIT", 0.0)
     monkeypatch.setattr(running, "END_LIMIT", 0.1)
@@ -169,7 +181,7 @@ def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
     assert main(["page", str(report)]) == 0
     text = (report / "index.html").read_text(encoding="utf-8")
     assert text.count("<img ") == 1
-    assert f"python -m bench hertz -o {report / 'hertz'}" in text
+    assert f"asperity bench hertz -o {report / 'hertz'}" in text
     assert main(arguments) == 0
     assert "hertz: is there" in capfd.readouterr().err
 
@@ -207,11 +219,12 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
         "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
     )
     assert here.portable(one, there) == (
-        "python -m bench one --database report/databases/paper.h5 -o report/one"
+        "asperity bench one --database report/databases/paper.h5 -o report/one"
     )
-    own = f"python -m bench one -o {tmp_path / 'one'}"
-    for command in (own, "python -m bench other /data/one.csv"):
-        assert here.portable(one, command) == command
+    own = f"bench one -o {tmp_path / 'one'}"
+    for command in (own, "bench other /data/one.csv"):
+        assert here.portable(one, f"python -m {command}") == f"asperity {command}"
+    assert here.portable(one, "python -m tests.faults") == "python -m tests.faults"
     assert here.portable(one, "") == ""
 
 

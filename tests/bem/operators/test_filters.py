@@ -150,3 +150,21 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     del threads, thread
     gc.collect()
     assert occupied_here() == 0
+
+
+@pytest.mark.parametrize("columns", [24, 25])
+def test_rows_are_transformed_to_fouriers_waves(columns):
+    rows = np.random.default_rng(1).normal(size=(3, columns))
+    transform = filters.row_transform(3, columns, True)
+    transform.band[:] = rows
+    assert transform.waves() == pytest.approx(np.fft.rfft(rows), abs=1e-12)
+
+
+def test_rows_are_transformed_to_cosines():
+    places = (np.arange(20) + 0.5) / 20
+    transform = filters.row_transform(2, 20, False)
+    transform.band[:] = [np.cos(3 * np.pi * places), np.ones(20)]
+    amplitudes = np.zeros((2, 20))
+    amplitudes[0, 3] = 0.5 * transform.count
+    amplitudes[1, 0] = transform.count
+    assert transform.waves() == pytest.approx(amplitudes, abs=1e-12)

@@ -280,6 +280,75 @@ def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
 
 
 @pytest.fixture
+def chosen(searching, monkeypatch):
+    """A search of `SPACE` on `levels` that judges ten candidates besides the optimum."""
+    monkeypatch.setattr(searches, "LEAST_ROWS", 80)
+    search = replace(searching("decision-tree", SPACE), training=levels(720), baseline={})
+    poor = search.grid.name_of({"max_depth": 1, "min_samples_leaf": 80})
+    search = replace(search, optimum=poor)
+    search.choose(10)
+    return search
+
+
+def test_a_choice_judges_so_many_candidates_besides_the_optimum(chosen):
+    assert chosen.fault == ""
+    assert chosen.how == (
+        "successive halving: 15 candidates on 80 rows, 2 folds, 15 candidates on 240 rows,"
+        " 2 folds, 11 candidates on 720 rows, 5 folds"
+    )
+
+
+def test_a_choice_is_made_again_by_the_finished_fits(chosen):
+    again = replace(chosen)
+    finished = dict(chosen.trials.finished)
+    again.choose(10)
+    assert again.trials.finished == finished
+    assert again.report() == chosen.report()
+
+
+def test_of_long_candidates_a_choice_judges_the_optimum_and_the_best_other_one_only(
+    chosen, monkeypatch
+):
+    monkeypatch.setattr(searches, "LONGEST", 0.0)
+    search = replace(chosen)
+    search.choose(10)
+    assert "2 candidates on 240 rows" in search.how
+    assert (search.fault, search.report().enough) == ("", 2)
+
+
+@pytest.mark.parametrize(("longest", "is_followed"), [(300.0, True), (0.0, False)])
+def test_a_choice_follows_its_winner_beyond_an_end_unless_its_fits_are_long(
+    longest, is_followed, searching, monkeypatch
+):
+    monkeypatch.setattr(searches, "LONGEST", longest)
+    search = searching("decision-tree", SPACE)
+    search = replace(search, training=levels(720), baseline={"max_depth": 1})
+    deep = search.grid.name_of({"max_depth": 30, "min_samples_leaf": 1})
+    search = replace(search, optimum=deep)
+    search.choose(10)
+    assert (len(search.grid.candidates) > 15) is is_followed
+    assert ("max_depth" in search.report().ends) is not is_followed
+
+
+def test_steps_on_few_rows_train_perceptrons_for_fewer_epochs(searching, monkeypatch):
+    from sklearn.neural_network import MLPRegressor
+
+    epochs = []
+    fit = MLPRegressor.fit
+
+    def watched(self, inputs, target):
+        epochs.append((len(target), self.max_iter))
+        return fit(self, inputs, target)
+
+    monkeypatch.setattr(MLPRegressor, "fit", watched)
+    space = {"hidden_layer_sizes": [(2,)], "solver": ["lbfgs"], "max_iter": [30]}
+    search = searching("mlp", space)
+    for rows in (20, 80):
+        search.run(search.tasks(search.grid.families, rows, 1), "fits")
+    assert epochs == [(20, 8), (64, 30)]
+
+
+@pytest.fixture
 def begun(searching, trials):
     """One of two searches of `SPACE`, of which a fit of the baseline, of 30 s, is finished."""
     search = replace(searching("decision-tree", SPACE), baseline={}, searches=2)

@@ -97,6 +97,7 @@ def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(
     said = capsys.readouterr().out
     assert f"max_depth = {deepest} lies beyond the grid" in said
     assert "at an end of what was tried: a better one may lie beyond" in said
+    assert table("out/area/tuning.csv")[0]["ends"] == "min_samples_leaf"
     result["search"]["candidates_scored"] = 9
     path.write_text(json.dumps(result))
     assert run("show", "out", "--no-pictures") == 0
