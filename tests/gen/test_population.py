@@ -41,7 +41,7 @@ def with_part(**changed):
     return Population.parse(json.dumps(content), "p.json")
 
 
-def mean_square_slopes(fitted, number=60):
+def mean_square_slopes(fitted, number=20):
     """Mean square slopes along x and y of surfaces over their variance."""
     surfaces = generated(fitted, number)
     variance = np.mean([surface.var() for surface in surfaces])
@@ -53,10 +53,10 @@ def mean_square_slopes(fitted, number=60):
 
 
 def test_a_part_without_a_spectrum_of_its_own_has_that_of_the_population():
-    """Slopes within 5 %; heights have exactly the mean and the deviation of the part."""
+    """Slopes within 10 %; heights have exactly the mean and the deviation of the part."""
     fitted = with_part(heights=[-6.0, 6.0])
     assert mean_square_slopes(fitted) == pytest.approx(
-        mean_square_slopes(population()), rel=0.05
+        mean_square_slopes(population()), rel=0.1
     )
     for surface in generated(fitted, number=3):
         assert surface.mean() == pytest.approx(0.0, abs=1e-9)
