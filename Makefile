@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: quickstart test test-all long docs slurm slurm-test campaign check browser calculix debian parallel test-parallel versions wheel clean
+.PHONY: quickstart test test-all long docs figures slurm slurm-test campaign check browser calculix debian parallel test-parallel versions wheel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
@@ -23,11 +23,15 @@ test-all: test long campaign slurm-test
 long: .venv/test-installed
 	$(PYTEST) -m "long and not slurm and not campaign"
 
-# The manual, docs/_build/html/index.html: tables from bench/results, the gallery run, links checked.
+# The manual, docs/_build/html/index.html: tables from bench/results, pictures drawn, the gallery run, links checked.
 docs: .venv/docs-installed
 	rm -rf docs/_build docs/api/generated
 	OMP_NUM_THREADS=1 $(BIN)/sphinx-build --fail-on-warning --keep-going --fresh-env --write-all --quiet --jobs 2 docs docs/_build/html
 	@echo "made: docs/_build/html/index.html"
+
+# The picture of README.md, figures/quick.png, drawn anew: it shows times, so draw it on a quiet machine.
+figures: .venv/quickstart-installed
+	$(BIN)/python docs/extensions/pictures.py
 
 # The batch scripts on a Slurm of their own, which is installed where root may do so, without services.
 SLURM := munge slurmctld slurmd slurm-client libpmix2

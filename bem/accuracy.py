@@ -49,14 +49,14 @@ from bem.problem import (
 from bem.solving import solve_posed
 from bem.threads import computed_once, on_threads
 
-# Factor from a bar of 90 % to one of 95 % [1]. `python -m bench accuracy` counts the errors that
+# Factor from a bar of 90 % to one of 95 % [1]. `asperity bench accuracy` counts the errors that
 # are inside.
 TO_95_PERCENT = 1.25
 
 # Relative error of the area per share of the mean square slope that is dropped [1]. For shares of
 # 3 % and more, 95 % of the errors are below it. For smaller shares, errors are proportional to the
 # root of the share. Together with the error of the grid, they stay within the error asked for
-# (`python -m bench accuracy`).
+# (`asperity bench accuracy`).
 OF_DROPPED = 1.0
 
 # Largest part of the error asked for that the waves dropped by a grid may use up; grids that drop
@@ -80,7 +80,7 @@ FEWEST_TRIED = 4 * FEWEST
 STEP = math.sqrt(2)
 
 # The next numbers only tell which grids are tried. They are those with which searches on spectral
-# surfaces cost least; `python -m bench accuracy` measures this cost.
+# surfaces cost least; `asperity bench accuracy` measures this cost.
 
 # Ratio of the nodes a side of two grids of a search that follow each other [1].
 SEARCH_STEP = math.sqrt(STEP)

@@ -35,7 +35,7 @@ class Answer:
 
 # The factors of violations are 95 % quantiles on 680 contacts of seventeen kinds of surface. Each
 # was solved for errors of 3, 1 and 0.3 % and with a tolerance of 1e-11 on the same grid.
-# `python -m bench accuracy` counts the errors that hold on other surfaces.
+# `asperity bench accuracy` counts the errors that hold on other surfaces.
 ANSWERS = {
     "area": Answer(
         lambda contact: contact.continuum_area_percent,

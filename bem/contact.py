@@ -190,7 +190,7 @@ class Contact:
         The effective area A_e consists of the cells of contact nodes, which reach beyond the border
         of contact. It is too large by about 0.1 of the perimeter times the spacing. Pressures and
         gaps beside the border tell its place between the nodes (`bem.derived.border`). Where waves
-        have 8 nodes and more, this area is right within 1 % (`python -m bench resolution`). Where
+        have 8 nodes and more, this area is right within 1 % (`asperity bench resolution`). Where
         roughness goes down to the grid, the continuum has no area: see `grid_error`. No contact
         stays 0 %, full contact 100 %.
         """

@@ -27,7 +27,7 @@ FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
 
 # Default tolerance [Delta]. Of the tolerances tried, it is the loosest with which 99.9 % of the
-# paper preset's samples have exactly the right contact nodes (`python -m bench default-tolerance`).
+# paper preset's samples have exactly the right contact nodes (`asperity bench default-tolerance`).
 RTOL = 2e-7
 
 # Default bound on iterations, far above the needs of all but nearly singular contacts.

@@ -1,16 +1,18 @@
 """The questions about Asperity at the top of the page, with the measured answers.
 
 Each answer is computed from the tables of one part of the page. The section of this part names the
-command that made the tables.
+command that made the tables. The answers to `FIRST` stand with their commands below the picture
+that the page begins with; those to `FURTHER` follow.
 """
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 from bench.files import is_there, named, read_table
-from bench.record import Inputs
+from bench.record import Inputs, read
 from bench.report import Part
 
 Row = dict[str, str]
@@ -27,9 +29,12 @@ class Line:
     question: str
     answer: str  # whole sentences
     part: str  # name of the part of the page that the answer comes from
+    command: str  # made the tables of the answer; empty if no record says it
 
 
-def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
+def lines(
+    parts: Sequence[Part], inputs: Inputs, questions: Sequence["Question"]
+) -> list[Line]:
     """Answer the questions whose tables exist and contain the answer.
 
     Parameters
@@ -38,30 +43,109 @@ def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
         Parts of the page.
     inputs : Inputs
         Inputs of the run, which have the folder of each part.
+    questions : sequence of Question
+        `FIRST` or `FURTHER`.
 
     Returns
     -------
     list of Line
-        The answers, in the order of `QUESTIONS`.
+        The answers, in the order of the questions.
+
+    Raises
+    ------
+    InputError
+        If a table or a record is damaged or cannot be read.
     """
-    folders = {part.name: inputs.folder(part) for part in parts}
+    part_by_name = {part.name: part for part in parts}
     answered: list[Line] = []
-    for question in QUESTIONS:
-        if question.part not in folders:
+    for question in questions:
+        part = part_by_name.get(question.part)
+        if part is None:
             continue
-        rows: list[Row] = []
-        for path in named(folders[question.part], question.tables):
-            if is_there(path):
-                rows += read_table(path)[1]
-        answer = ""
-        # Tables of a short run may lack the rows of an answer, which raises one of these errors.
-        with suppress(LookupError, ValueError):
-            if rows:
-                answer = question.answer(rows)
+        answer = _answer(question, inputs.folder(part))
         if answer:
-            line = Line(question=question.text, answer=answer, part=question.part)
+            line = Line(
+                question=question.text,
+                answer=answer,
+                part=part.name,
+                command=_command(part, inputs),
+            )
             answered.append(line)
     return answered
+
+
+def _answer(question: "Question", folder: Path) -> str:
+    """Answer a question by the tables in the folder of its part; "" if they lack the answer."""
+    rows: list[Row] = []
+    for path in named(folder, question.tables):
+        if is_there(path):
+            rows += read_table(path)[1]
+    if not rows:
+        return ""
+    # Tables of a short run may lack the rows of an answer, which raises one of these errors.
+    with suppress(LookupError, ValueError):
+        return question.answer(rows)
+    return ""
+
+
+def _command(part: Part, inputs: Inputs) -> str:
+    """Return the command that made a part, as readers type it; "" without a record."""
+    record = read(inputs.path(part))
+    if record is None:
+        return ""
+    return inputs.portable(part, record.command)
+
+
+def errors_asked_for(rows: list[Row]) -> str:
+    """State the share of the areas that were within the error that was asked for.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `promises.csv`, the report's table of what is promised.
+
+    Returns
+    -------
+    str
+        The answer, for an error of 3 % and one of 1 %.
+    """
+    row_of_promise = {row["promise"]: row for row in rows}
+    shares: list[str] = []
+    for percent in (3, 1):
+        row = row_of_promise[f"area alone, asked to {percent} %: within [%]"]
+        share = float(row["measured"])
+        number = int(row["number"])
+        shares.append(f"{share:.1f} % of {number} areas asked for to {percent} %")
+    return f"Within the error are {' and '.join(shares)}."
+
+
+def times_of_others(rows: list[Row]) -> str:
+    """State how much longer the fastest other solver takes until its area is within an error.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `ratios.csv`, the times of other solvers over ours. Extrapolated times are not used.
+
+    Returns
+    -------
+    str
+        The answer, for an error of 3 % and one of 1 %.
+    """
+    answers: list[str] = []
+    for percent in (3, 1):
+        measured = [
+            row
+            for row in rows
+            if float(row["within_percent"]) == percent and row["measured_times_ours"]
+        ]
+        fastest = min(measured, key=lambda row: float(row["measured_times_ours"]))
+        ratio = float(fastest["measured_times_ours"])
+        answers.append(f"{ratio:.2g} times for {percent} % ({fastest['way']})")
+    return (
+        f"The fastest other solver takes so many times our time: {', '.join(answers)}. Ours"
+        " includes the search for the grid and the bar."
+    )
 
 
 def hertz(rows: list[Row]) -> str:
@@ -91,7 +175,7 @@ def hertz(rows: list[Row]) -> str:
     error = 100 * abs(forces[finest] / exact - 1)
     return (
         f"The force on a sphere is within {error:.2g} % of Hertz's, {finest} nodes a side,"
-        f" pressed in by {deepest:g} um."
+        f" pressed in by {deepest:g} µm."
     )
 
 
@@ -328,6 +412,29 @@ def cost(rows: list[Row]) -> str:
     )
 
 
+def laws(rows: list[Row]) -> str:
+    """State how closely a finite-element program meets the tables of laws that it reads.
+
+    Parameters
+    ----------
+    rows : list of Row
+        Rows of `calculix.csv`, whose columns `..._off` are relative differences.
+
+    Returns
+    -------
+    str
+        The answer.
+    """
+    differences = [
+        abs(float(row[name])) for row in rows for name in row if name.endswith("_off")
+    ]
+    largest = 100 * max(differences)
+    return (
+        f"Closure, pressure and temperature jump in CalculiX are those of the table within"
+        f" {largest:.1g} %, at {len(rows)} points."
+    )
+
+
 FREE = partial(beside_others, "nodes hurst delta_um")
 """Takes rows of `peers.csv`, and states the time of other solvers on free patches."""
 
@@ -346,30 +453,58 @@ class Question:
     answer: Callable[[list[Row]], str]
 
 
-QUESTIONS = (
+FIRST = (
     Question(
-        text="How exact is a contact?",
+        text="Is an error that is asked for kept?",
+        part="accuracy",
+        tables="promises.csv",
+        answer=errors_asked_for,
+    ),
+    Question(
+        text="How long do others take to the same error?",
+        part="accuracy",
+        tables="ratios.csv",
+        answer=times_of_others,
+    ),
+    Question(
+        text="How exact is a contact beside a closed form?",
         part="hertz",
         tables="hertz.csv",
         answer=hertz,
-    ),
-    Question(
-        text="How fast, at equal accuracy?",
-        part="peers",
-        tables="peers.csv",
-        answer=FREE,
-    ),
-    Question(
-        text="How fast on periodic patches?",
-        part="periodic",
-        tables="periodic.csv",
-        answer=PERIODIC,
     ),
     Question(
         text="Does it bear stiff and extreme cases?",
         part="stability",
         tables="*.csv",
         answer=stability,
+    ),
+    Question(
+        text="Do finite elements get what the law says?",
+        part="calculix",
+        tables="calculix.csv",
+        answer=laws,
+    ),
+    Question(
+        text="How exact is a surrogate?",
+        part="cost",
+        tables="learning.csv",
+        answer=exactness,
+    ),
+)
+"""The six questions at the top of the page, in their order."""
+
+FURTHER = (
+    Question(
+        text="How long do others take to the same force?",
+        part="peers",
+        tables="peers.csv",
+        answer=FREE,
+    ),
+    Question(
+        text="And on periodic patches?",
+        part="periodic",
+        tables="periodic.csv",
+        answer=PERIODIC,
     ),
     Question(
         text="Do fine grids cost more steps?",
@@ -384,13 +519,7 @@ QUESTIONS = (
         answer=comparison,
     ),
     Question(
-        text="How exact is a surrogate?",
-        part="cost",
-        tables="learning.csv",
-        answer=exactness,
-    ),
-    Question(
-        text="Does it know what it does not know?",
+        text="Does a surrogate know what it does not know?",
         part="coverage",
         tables="coverage.csv",
         answer=coverage,
@@ -402,7 +531,7 @@ QUESTIONS = (
         answer=scans,
     ),
     Question(
-        text="Is the accuracy asked for kept?",
+        text="Does a surrogate grow to the accuracy asked for?",
         part="grow",
         tables="grow.csv",
         answer=grow,
@@ -414,4 +543,4 @@ QUESTIONS = (
         answer=cost,
     ),
 )
-"""The questions, in the order of the page."""
+"""The further questions, in the order of the page."""

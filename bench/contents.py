@@ -6,12 +6,14 @@ file, with a caption. The page of all reports and the manual show the same conte
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.files import content_of, is_there, named, read_table
 from gen.runtime.errors import InputError
+from gen.units import readable_unit
 
 DIGITS = 4
 """Significant digits of a number that is shown; the files have more."""
@@ -29,7 +31,9 @@ UNITS = {
     "ms": "ms",
     "percent": "%",
     "uN": "µN",
+    "N": "N",
     "MPa": "MPa",
+    "GPa": "GPa",
     "K": "K",
 }
 """Units as they are shown, by the last word of a column's name."""
@@ -211,15 +215,56 @@ def tabulated(table: Table) -> TableToShow:
     missing = required - {*header}
     if missing:
         raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
-    rows = [[cell(line[name]) for name in columns] for line in lines]
     titles = []
-    for place, name in enumerate(columns):
-        only_numbers = all(row[place].number for row in rows)
-        titles.append(Cell(text=_title(name), number=only_numbers))
+    columns_of_cells = []
+    for name in columns:
+        column = _column([line[name] for line in lines], name)
+        columns_of_cells.append(column.cells)
+        titles.append(column.title)
+    rows = [list(cells) for cells in zip(*columns_of_cells, strict=True)]
     failed: list[bool | None] = [None] * len(lines)
     if table.verdict:
         failed = [line[table.verdict] != PASSED for line in lines]
     return TableToShow(titles=titles, rows=rows, failed=failed)
+
+
+class Column(NamedTuple):
+    """A column of a table, as it is shown."""
+
+    title: Cell
+    cells: list[Cell]
+
+
+def _column(texts: Sequence[str], name: str) -> Column:
+    """Format a column, in a larger unit if its largest number would have an exponent.
+
+    `texts` are the values as the CSV file has them.
+    """
+    *_, unit = name.split("_")
+    numbers = [abs(number) for number in map(_number, texts) if number is not None]
+    largest = max(numbers, default=0.0)
+    readable = readable_unit(unit, largest, DIGITS)
+    if readable.name != unit:
+        name = name.removesuffix(unit) + readable.name
+        texts = [_in_unit(text, readable.size) for text in texts]
+    cells = [cell(text) for text in texts]
+    only_numbers = all(shown.number for shown in cells)
+    return Column(title=Cell(text=_title(name), number=only_numbers), cells=cells)
+
+
+def _number(text: str) -> float | None:
+    """Return a finite number of a CSV file; None for any other text."""
+    with suppress(ValueError):
+        number = float(text)
+        if math.isfinite(number):
+            return number
+    return None
+
+
+def _in_unit(text: str, size: float) -> str:
+    """Return a text with its number divided by the size of a unit; other texts unchanged."""
+    number = _number(text)
+    return text if number is None else repr(number / size)
 
 
 def _title(column: str) -> str:
@@ -249,13 +294,9 @@ def cell(text: str) -> Cell:
     """
     if text in SPECIAL:
         return Cell(text=SPECIAL[text], number=True)
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    # `float` also accepts words like "infinity". Tables write infinite numbers only as the keys of
-    # `SPECIAL`, so that any other word is no number.
-    if not math.isfinite(value):
+    # Tables write infinite numbers only as the keys of `SPECIAL`: other words are no numbers.
+    value = _number(text)
+    if value is None:
         return Cell(text=text, number=False)
     if value.is_integer() and abs(value) < 1e7:
         # Whole numbers of up to four digits, for example nodes a side, get no comma.

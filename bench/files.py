@@ -187,7 +187,9 @@ def read_table(path: Path) -> CsvTable:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None
 
 
-def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def markdown(
+    header: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[bool] = ()
+) -> str:
     """Format a table as Markdown.
 
     Parameters
@@ -196,12 +198,18 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         Titles of the columns.
     rows : iterable of sequences of str
         Cells of the rows, in the order of the columns.
+    right : sequence of bool, optional
+        Whether the cells of each column are aligned at the right; by default none are.
 
     Returns
     -------
     str
         One line for the header, one for the rule below it, and one for each row.
     """
-    lines = [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
+    rules = ["---"] * len(header)
+    for place, is_right in enumerate(right):
+        if is_right:
+            rules[place] = "---:"
+    lines = [f"| {' | '.join(header)} |", f"|{'|'.join(rules)}|"]
     lines += [f"| {' | '.join(cells)} |" for cells in rows]
     return "\n".join(lines)

@@ -8,16 +8,24 @@ import base64
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from os.path import relpath
 from pathlib import Path
 from typing import Any
 
-from bench.answers import lines
-from bench.contents import Content, Figure, Table, tables_of, tabulated
+from bench.answers import FIRST, FURTHER, Line, lines
+from bench.contents import Content, Figure, Table, Words, tables_of, tabulated
 from bench.files import content_of, markdown
-from bench.record import PAGE, RESULTS, Inputs, Record, circumstances, read
+from bench.record import (
+    PAGE,
+    RESULTS,
+    Inputs,
+    Record,
+    circumstances,
+    missing_packages,
+    read,
+)
 from bench.report import PARTS, Part
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
@@ -27,6 +35,18 @@ LONG = 25
 
 LONGEST = 1000
 """Largest number of rows of a table in the manual. The page of all reports has all rows."""
+
+WIDE = 900
+"""Width of a picture above which pages of the manual scroll it sideways on a phone [pixels]."""
+
+FIRST_PART = "accuracy"
+"""Name of the part whose first picture is at the top of the page."""
+
+FIRST_CAPTION = """
+Error of the contact area over the CPU time, ours and that of other solvers, on the same surfaces;
+down and to the left is better. Hollow circles are what each gives by default. By
+"""
+"""Caption of the picture at the top of the page, before the command that makes it."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +128,21 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
         return PartToShow(part=part, record=record, failure=failure)
     if not contents:  # all files are optional, and none of them exists
         return PartToShow(part=part, record=None)
-    command = ""
-    if record is not None:
-        command = inputs.portable(part, record.command)
+    if record is None:
+        return PartToShow(part=part, record=None, contents=contents)
+    missing = missing_packages(part, record)
+    if missing:
+        without = f"Without {' and '.join(missing)}, not installed where this was made."
+        contents = [_with_sentence(content, without) for content in contents]
+    command = inputs.portable(part, record.command)
     return PartToShow(part=part, record=record, command=command, contents=contents)
+
+
+def _with_sentence(content: Content, sentence: str) -> Content:
+    """Return a content with a sentence at the end of its caption; words have no caption."""
+    if isinstance(content, Words):
+        return content
+    return replace(content, caption=f"{content.caption} {sentence}".strip())
 
 
 def _require_readable(content: Content) -> None:
@@ -177,9 +208,11 @@ def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
     """Return the values of the page's template, by their names in it.
 
     Parts that were not made are only in "missing". "judged" are the parts with verdicts, and
-    "failures" is the number of rows that failed in all parts.
+    "failures" is the number of rows that failed in all parts. "picture" is the content at the top
+    of the page, None if its part was not made.
     """
     shown = [part_to_show(part, inputs) for part in parts]
+    picture = first_picture(shown)
     filled = [_filled(part) for part in shown if not part.is_missing]
     chapters = groupby(filled, key=lambda filled_part: filled_part.part.chapter)
     return {
@@ -188,10 +221,35 @@ def _page_values(parts: Sequence[Part], inputs: Inputs) -> dict[str, Any]:
         "states": states([part.record for part in filled if part.contents]),
         "judged": [part for part in filled if part.has_verdicts],
         "failures": sum(part.failures for part in filled),
-        "answers": lines(parts, inputs),
+        "picture": _filled_content(picture) if picture else None,
+        "first_answers": lines(parts, inputs, FIRST),
+        "further_answers": lines(parts, inputs, FURTHER),
         "chapters": {chapter: list(group) for chapter, group in chapters},
         "missing": [missing.part for missing in shown if missing.is_missing],
     }
+
+
+def first_picture(shown: Sequence[PartToShow]) -> Figure | None:
+    """Return the picture at the top of the page, with its short caption.
+
+    Parameters
+    ----------
+    shown : sequence of PartToShow
+        Parts of the page.
+
+    Returns
+    -------
+    Figure or None
+        The first picture of the part `FIRST_PART`; None if the part was not made or has no picture.
+    """
+    for part in shown:
+        if part.part.name != FIRST_PART:
+            continue
+        for content in part.contents:
+            if isinstance(content, Figure):
+                caption = f"{FIRST_CAPTION.strip()} `{part.command}`."
+                return replace(content, caption=" ".join(caption.split()), data=())
+    return None
 
 
 def states(records: Sequence[Record | None]) -> str:
@@ -245,9 +303,7 @@ def _filled_content(content: Content) -> dict[str, Any]:
     """
     values = {**vars(content), "kind": type(content).__name__}
     if isinstance(content, Figure):
-        # Bytes 16 to 24 of a PNG file are its width and its height, four bytes each.
-        header = content_of(content.picture)[16:24]
-        values["size"] = (int.from_bytes(header[:4]), int.from_bytes(header[4:]))
+        values["size"] = picture_size(content.picture)
         values["source"] = _address(content.picture, "image/png")
     elif isinstance(content, Table):
         values["table"] = tabulated(content)
@@ -306,12 +362,96 @@ def fragment(name: str, folder: Path) -> str:
     return "\n\n".join(blocks)
 
 
+def first_screen(folder: Path) -> str:
+    """Format what a reader sees first: one picture, and six answers with their commands.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the manual's page, which the link to the picture is relative to.
+
+    Returns
+    -------
+    str
+        Markdown, made of the published results.
+    """
+    picture = first_picture([part_to_show(part, PUBLISHED) for part in PARTS])
+    blocks = []
+    if picture is not None:
+        blocks.append(
+            _figure_block(picture, "Error over time, ours and other solvers'", folder)
+        )
+    answers = answer_table(lines(PARTS, PUBLISHED, FIRST))
+    blocks.append(f":::{{container}} answers\n\n{answers}\n:::")
+    return "\n\n".join(blocks)
+
+
+def answer_table(answers: Sequence[Line]) -> str:
+    """Format answers as a table in Markdown.
+
+    Parameters
+    ----------
+    answers : sequence of Line
+        The answers.
+
+    Returns
+    -------
+    str
+        A line for each question, with its answer and its command.
+    """
+    rows = []
+    for line in answers:
+        command = f"`{line.command}`" if line.command else ""
+        rows.append([line.question, _escaped(line.answer), command])
+    return markdown(["asked", "measured", "by"], rows)
+
+
+def _figure_block(figure: Figure, title: str, folder: Path) -> str:
+    """Return a picture with its caption as Markdown, for a page of the manual in a folder."""
+    picture = relpath(figure.picture, folder)
+    style = ":class: wide\n" if is_wide(figure.picture) else ""
+    return (
+        f":::{{figure}} {picture}\n:alt: {title}\n{style}\n{_prose(figure.caption)}\n:::"
+    )
+
+
+def is_wide(picture: Path) -> bool:
+    """Return whether a PNG file is so wide that a phone cannot show its letters legibly.
+
+    Parameters
+    ----------
+    picture : Path
+        The file.
+
+    Returns
+    -------
+    bool
+        Whether it has more than `WIDE` pixels across.
+    """
+    return picture_size(picture)[0] > WIDE
+
+
+def picture_size(picture: Path) -> tuple[int, int]:
+    """Return the width and the height of a PNG file [pixels].
+
+    Parameters
+    ----------
+    picture : Path
+        The file.
+
+    Returns
+    -------
+    tuple of int
+        Bytes 16 to 24 of the file are its width and its height, four bytes each.
+    """
+    header = content_of(picture)[16:24]
+    return int.from_bytes(header[:4]), int.from_bytes(header[4:])
+
+
 def _blocks_of(content: Content, part: Part, folder: Path) -> list[str]:
     """Return the paragraphs (Markdown) of one content, for a page of the manual in a folder."""
     if isinstance(content, Figure):
-        picture = relpath(content.picture, folder)
-        caption = f":alt: {part.title}\n\n{_prose(content.caption)}"
-        return [f":::{{figure}} {picture}\n{caption}\n:::"]
+        return [_figure_block(content, part.title, folder)]
     if isinstance(content, Table):
         return [_prose(content.caption), _markdown_table(content)]
     if content.typed:
@@ -327,7 +467,8 @@ def _how_made(shown: PartToShow) -> str:
     record = shown.record
     part = shown.part
     if record is None:
-        command = PUBLISHED.typed(part).replace(str(RESULTS), "report")
+        command = PUBLISHED.portable(part, PUBLISHED.typed(part))
+        command = command.replace(str(RESULTS), "report")
         # `PUBLISHED` names a database that does not exist. A user gives one of the paper preset.
         command = command.replace("report/none.h5", "paper.h5")
         return f"Made by `{command}`."
@@ -346,7 +487,8 @@ def _markdown_table(content: Table) -> str:
     titles = [title.text for title in table.titles]
     rows = [[_escaped(cell.text) for cell in row] for row in table.rows[:LONGEST]]
     style = "long" if len(rows) > LONG else "wide"
-    text = f":::{{container}} {style}-table\n\n{markdown(titles, rows)}\n:::"
+    right = [title.number for title in table.titles]
+    text = f":::{{container}} {style}-table\n\n{markdown(titles, rows, right)}\n:::"
     left_out = len(table.rows) - len(rows)
     if left_out:
         text += f"\n\n{left_out:,} further rows are in `{content.data.name}`."

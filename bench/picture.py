@@ -233,6 +233,7 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
         - `dashed`: name of another column, drawn over x as a dashed line for each curve;
         - `dots`: pairs of names of columns (abscissa, ordinate), drawn as hollow dots for each
           curve;
+        - `dots_label`: what the hollow dots are, for the legend;
         - `words`: true if the values of x are categories instead of numbers;
         - `colour`: name of a column. Each row is drawn as a dot in the colour of its value, instead
           of curves;
@@ -324,6 +325,9 @@ def _draw_curves(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> No
     styles = itertools.cycle(STYLES)  # never ends: zip ends with the curves
     for (name, rows_of_curve), style in zip(curves.items(), styles, strict=False):
         _draw_curve(axis, panel, rows_of_curve, name, style)
+    if "dots_label" in panel:
+        # No point is drawn: only the legend shows this dot.
+        axis.plot([], [], "o", mfc="none", color="0.3", label=panel["dots_label"])
 
 
 def _draw_curve(

@@ -1,4 +1,4 @@
-"""`python -m bench publish`: copy the results of a run into the folder that the repository keeps.
+"""`asperity bench publish`: copy the results of a run into the folder that the repository keeps.
 
 Tables, words, records and shown pictures of all finished parts are copied, large tables compressed.
 Databases, surrogates and the output of the commands are left out.

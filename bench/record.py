@@ -174,6 +174,25 @@ def _inputs_in(path: Path) -> Iterator[Path]:
                 yield file
 
 
+def missing_packages(part: Part, record: Record) -> list[str]:
+    """List the packages that a part needs for all of its rows, and that were not installed.
+
+    Parameters
+    ----------
+    part : Part
+        The part.
+    record : Record
+        The record of how it was made.
+
+    Returns
+    -------
+    list of str
+        Names of distributions in `PACKAGES`; records do not tell which programs were installed.
+    """
+    packages = [name for name in part.needs if name in PACKAGES]
+    return [name for name in packages if name not in record.versions]
+
+
 def read(path: Path) -> Record | None:
     """Read a record.
 
@@ -294,7 +313,8 @@ class Inputs:
         Returns
         -------
         str
-            The command. The folder of this run is not replaced.
+            The command, by `asperity` in place of `python -m` where that has it. The folder of this
+            run is not replaced.
         """
         words = shlex.split(recorded)
         # The folder of a run is the part ROOT of a word ROOT/PART or ROOT/PART/...
@@ -305,7 +325,9 @@ class Inputs:
         for folder in other_folders:
             beginning = re.compile(rf"^{re.escape(folder)}(?=/)")
             words = [beginning.sub("report", word) for word in words]
-        return shlex.join(words)
+        return re.sub(
+            r"^python -m (?=(gen|learn|bench) )", "asperity ", shlex.join(words)
+        )
 
     def path(self, part: Part) -> Path:
         """Return the path of a part's record.

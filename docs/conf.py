@@ -6,6 +6,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "extensions"), str(HERE.parent)]
 
+from members import documented_members  # noqa: E402 from this folder
+
 from asperity import __version__  # noqa: E402 from this folder, whatever is installed
 
 project = "Asperity"
@@ -18,12 +20,15 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx_gallery.gen_gallery",
     "mathml",
+    "pictures",
     "results",
     "link_check",
 ]
+templates_path = ["templates"]
 exclude_patterns = [
     "_build",
     "extensions",
+    "templates",
     "gallery/*.ipynb",
     "gallery/*.py",
     "gallery/*.json",
@@ -36,6 +41,7 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 
 autosummary_generate = True
+autosummary_context = {"documented": documented_members(HERE / "api")}
 autodoc_typehints = "none"  # docstrings name types in words
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False

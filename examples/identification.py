@@ -26,7 +26,7 @@ def sides(text: str) -> tuple[float, float]:
 def main(arguments: list[str]) -> tuple[float, float, float]:
     """Return Delta and the ends of its interval [um]."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("surrogate", help="made by python -m learn fit")
+    parser.add_argument("surrogate", help="made by asperity learn fit")
     parser.add_argument("surface", help="heights in um (.npy)")
     parser.add_argument(
         "--side", type=sides, required=True, help="scan length, or X,Y [um]"

@@ -23,7 +23,7 @@ from learn import Surrogate
 def main(arguments: list[str]) -> np.ndarray:
     """Return the values of the first target, areas [%] as a rule."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("surrogate", help="made by python -m learn fit")
+    parser.add_argument("surrogate", help="made by asperity learn fit")
     parser.add_argument(
         "--delta", type=float, help="[um]; the middle of the training if left out"
     )

@@ -26,7 +26,7 @@ from learn.features.scene import shown
 def main(arguments: list[str]) -> dict[str, np.ndarray]:
     """Return the indices "S1" and "ST" of the drawn parameters, Delta and chance."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("surrogate", help="made by python -m learn fit")
+    parser.add_argument("surrogate", help="made by asperity learn fit")
     parser.add_argument("--samples", type=int, default=512, help="a power of two")
     parser.add_argument(
         "--trust", action="store_true", help="run the scene's own function"

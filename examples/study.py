@@ -21,7 +21,7 @@ from learn import Surrogate
 def main(arguments: list[str]) -> np.ndarray:
     """Return means of the first target, areas [%] as a rule, (values, displacements)."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("surrogate", help="made by python -m learn fit")
+    parser.add_argument("surrogate", help="made by asperity learn fit")
     parser.add_argument(
         "--parameter", metavar="NAME", help="the first one drawn if left out"
     )

@@ -1,8 +1,9 @@
-"""Draw the contact problem, a section through a solved contact: python figures/problem.py.
+"""Draw the contact problem, a section through a solved contact, which the glossary explains.
 
-It writes figures/problem.svg, which the manual's glossary explains.
+python figures/problem.py -o problem.svg
 """
 
+from argparse import ArgumentParser
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,8 +18,8 @@ SHOWN = slice(10, 118)  # nodes along the section
 ARROW = {"arrowstyle": "<->", "color": "black", "shrinkA": 0, "shrinkB": 0}
 
 
-def main() -> None:
-    """Solve the contact, and draw the section through its highest node."""
+def main(path: Path) -> None:
+    """Solve the contact, and draw the section through its highest node into a file."""
     spectrum = SelfAffineSpectrum(hurst=0.9, roll_off=30.0, cut_off=12.0)
     random = np.random.default_rng(11)
     heights = generate_spectral((128, 128), SIDE, spectrum, random, rms_height=1.0)
@@ -34,12 +35,7 @@ def main() -> None:
     axis = figure.subplots()
     _draw_bodies(axis, x, interference, displacement, contact.pressure[SHOWN, row] > 0)
     _draw_names(axis, x, interference, displacement, contact.delta)
-    path = Path(__file__).with_suffix(".svg")
     figure.savefig(path, metadata={"Date": None}, facecolor="white")
-    text = path.read_text(encoding="utf-8")
-    path.write_text(
-        "\n".join(line.rstrip() for line in text.splitlines()) + "\n", encoding="utf-8"
-    )
 
 
 def _draw_bodies(axis, x, interference, displacement, in_contact) -> None:  # type: ignore[no-untyped-def]
@@ -86,4 +82,8 @@ def _draw_names(axis, x, interference, displacement, delta) -> None:  # type: ig
 
 
 if __name__ == "__main__":
-    main()
+    parser = ArgumentParser()
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help="picture to write"
+    )
+    main(parser.parse_args().output)

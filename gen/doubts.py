@@ -186,7 +186,7 @@ def material_doubts(bodies: Bodies) -> list[str]:
         if bodies.has_modulus:
             question = _likely_slip(ratio)
         bounds = f"solids have {LEAST_HARDNESS:g} to {GREATEST_HARDNESS:g}"
-        units = f"Both count in MPa, and E* is {bodies.e_star:.4g} MPa (steel: 2.3e5)"
+        units = f"Both count in MPa, and E* is {bodies.e_star:.6g} MPa (steel: 230e3)"
         return [f"hardness over E* is {ratio:.3g}, {bounds}: {question}? {units}"]
     if bodies.e_star > STIFFEST:
         modulus = f"E* is {bodies.e_star:.3g} MPa, diamond has 1.2e6"
@@ -225,7 +225,7 @@ def modulus_in_words(bodies: Bodies, given_by: str = OPTIONS) -> str:
     str
         Part of a sentence, without a full stop.
     """
-    modulus = f"E* is {bodies.e_star:.4g} MPa"
+    modulus = f"E* is {bodies.e_star:.6g} MPa"
     if bodies.has_modulus or bodies.e_star != 1.0:
         return modulus
     return f"{modulus}, the default without a modulus ({given_by})"

@@ -1,6 +1,6 @@
 """Asperity's surrogates of contact databases: nine models compared, tuned, judged, put to use.
 
-`from learn import Surrogate` loads what `python -m learn fit` has made.
+`from learn import Surrogate` loads what `asperity learn fit` has made.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -427,7 +427,7 @@ USABLE = 0.85
 # Memory of a process with its libraries, before any fit [bytes].
 PROCESS = 350 * MIB
 # Largest memory of a fit for each pair of training rows [bytes], by model. One matrix of double
-# precision has 8. `python -m bench memory` measures what this and the following numbers bound.
+# precision has 8. `asperity bench memory` measures what this and the following numbers bound.
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 # Share of `PAIR_BYTES` that a Gaussian process needs if its kernel is not fitted.
 FIXED_KERNEL = 0.52

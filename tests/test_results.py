@@ -77,7 +77,7 @@ def test_every_part_says_how_it_came(record, page):
     assert found["machine"]["processor"]
     assert found.get("finished", True)
     report = " ".join(found["command"].split()[:4])
-    assert report in page
+    assert re.sub(r"^python -m (?=gen|learn|bench)", "asperity ", report) in page
     assert found["commit"][:7] in page
 
 
@@ -120,6 +120,46 @@ def extension(name):
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "docs" / "extensions"))
         return importlib.import_module(name)
+
+
+def test_pages_show_all_pictures_that_the_build_draws():
+    pictures = extension("pictures")
+    shown = re.findall(r"```{picture} (\w+)", TEXT)
+    assert sorted(shown) == sorted([*pictures.DRAWINGS, *pictures.GALLERY])
+
+
+def test_pictures_are_of_what_the_pages_show_to_be_done():
+    pictures = extension("pictures")
+    for steps in (pictures.README_STEPS, *pictures.DRAWINGS.values()):
+        for step in steps:
+            assert step.file in " ".join(pictures.command_of(step))
+    law = pictures.command_of(*pictures.DRAWINGS["law"])
+    assert law[1:5] == ["-m", "gen", "law", "paper"]
+
+
+def test_a_picture_that_nothing_draws_is_an_error():
+    pictures = extension("pictures")
+    with pytest.raises(
+        LookupError, match=r"README.md shows nothing that writes none.png"
+    ):
+        pictures.command_of(pictures.Step("README.md", "none.png"))
+
+
+def test_the_picture_of_the_readme_is_drawn_by_the_code_of_today():
+    pictures = extension("pictures")
+    drawn_by = pictures.README_DIGEST.read_text(encoding="utf-8").strip()
+    assert pictures.readme_digest() == drawn_by, "draw it anew: make figures"
+
+
+def test_pages_of_classes_list_documented_members_of_the_house_alone():
+    members = extension("members").documented_members(ROOT / "docs" / "api")
+    contact = members["bem.Contact"]
+    assert {"grid_error", "conductance"} <= set(contact["methods"])
+    assert {"gap", "stiffness"} <= set(contact["attributes"])
+    listed = [
+        name for kinds in members.values() for names in kinds.values() for name in names
+    ]
+    assert not [name for name in listed if name.startswith(("_", "model_"))]
 
 
 def test_links_that_lead_nowhere_are_found(tmp_path):

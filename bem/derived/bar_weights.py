@@ -89,5 +89,5 @@ WEIGHTS = {
 
 They are fitted on 2,000 contacts of 22 kinds of surface, so that about 95 % of the errors of each
 answer are inside. Those of the summit and those of creases are of an earlier fit, on 3,300
-contacts. `python -m bench grid-error` and `python -m bench accuracy` test them on other surfaces.
+contacts. `asperity bench grid-error` and `asperity bench accuracy` test them on other surfaces.
 """

@@ -58,7 +58,7 @@ from bem.problem import Boundary, Problem
 # p / (p + p2) and g / (g + g2); the row is the number of neighbouring edges, of the two beside an
 # edge, that are in line with it. They are least squares over 3,300 regular waves, single ones
 # (Westergaard's) at all angles and crossed ones, of 3 to 64 nodes a wave and with 1 to 97 % in
-# contact. `python -m bench border-weights` fits them again.
+# contact. `asperity bench border-weights` fits them again.
 WEIGHTS = np.array(
     [
         [-0.079, 0.381, -0.076, 0.130],

@@ -9,7 +9,7 @@ from bem.problem import Boundary, Problem
 
 # Least tolerance of the coarser contact [Delta]: the errors that it allows are far below the
 # difference from the finer contact. On 1,100 contacts the bars hold as many true errors as with
-# 1e-4 (`python -m bench grid-error`).
+# 1e-4 (`asperity bench grid-error`).
 COARSE_RTOL = 3e-3
 
 

@@ -1,6 +1,6 @@
 """The paper, side by side: its tables and figures beside ours, one function for each of them.
 
-`report` makes all of them for the command `python -m bench paper`:
+`report` makes all of them for the command `asperity bench paper`:
 
 - `surfaces` draws the generator, the statistics, two pressed topographies and Appendix A;
 - `database` has the solve times, Table 1, and the finer grid of section 4.3 with Table 5;

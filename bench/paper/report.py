@@ -1,4 +1,4 @@
-"""`python -m bench paper`: all tables and figures of the paper for which there are inputs."""
+"""`asperity bench paper`: all tables and figures of the paper for which there are inputs."""
 
 from collections.abc import Callable, Sequence
 from functools import partial

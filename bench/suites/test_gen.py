@@ -2,7 +2,7 @@
 
     pytest bench/suites/test_gen.py --benchmark-only
 
-`python -m bench writers` measures both writers on any number of ranks. Budgets at the paper's size
+`asperity bench writers` measures both writers on any number of ranks. Budgets at the paper's size
 on one core: 1 ms for a window of a map and for `describe`, 3 ms for a spectral surface.
 """
 

@@ -1,9 +1,11 @@
 """Numbers of the manual, put into its pages when they are built: a Sphinx extension.
 
 A page says `{result} NAME` for a table of `tables`, or `{report} NAME` for everything that a report
-of `bench` shows: its command, machine and commit, pictures, and tables; `{rooms} PACKAGE` and
-`{walk} NAME` for what `house` draws, and `{notebook} NAME` for an executed notebook. The lines
-between the fences name the files, for readers of the page's source.
+of `bench` shows: its command, machine and commit, pictures, and tables; `{first} screen` for the
+picture and the answers that the page of reports begins with; `{rooms} PACKAGE` and `{walk} NAME`
+for what `house` draws, `{picture} NAME` for a picture of `pictures`, and `{notebook} NAME` for an
+executed notebook. The lines between the fences name the files, for readers of the page's source;
+those of a picture are its text for who does not see it.
 """
 
 import re
@@ -13,14 +15,15 @@ from typing import Any
 
 import house
 import notebooks
+import pictures
 import tables
 from sphinx.application import Sphinx
 
-from bench.page import fragment
+from bench.page import first_screen, fragment
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(
-    r"^```\{(result|report|rooms|walk|notebook)\} (\S+)\n(.*?)^```$",
+    r"^```\{(result|report|first|rooms|walk|picture|notebook)\} (\S+)\n(.*?)^```$",
     flags=re.DOTALL | re.MULTILINE,
 )
 
@@ -39,11 +42,18 @@ def report(name: str, _: list[str], folder: Path) -> str:
     return fragment(name, folder)
 
 
+def first(_: str, __: list[str], folder: Path) -> str:
+    """Return the picture and the answers that the page of reports begins with."""
+    return first_screen(folder)
+
+
 KINDS: dict[str, Callable[[str, list[str], Path], str]] = {
     "result": result,
     "report": report,
+    "first": first,
     "rooms": house.rooms,
     "walk": house.walk,
+    "picture": pictures.picture,
     "notebook": notebooks.notebook,
 }
 
@@ -54,7 +64,8 @@ def fill(app: Sphinx, document: str, source: list[str]) -> None:
 
     def filled(block: re.Match[str]) -> str:
         kind, name, listed = block.groups()
-        for path in listed.split():
+        paths = [] if kind == "picture" else listed.split()
+        for path in paths:
             if not (ROOT / path).exists():
                 raise ValueError(f"{document}: {path} is not there")
             app.env.note_dependency(str(ROOT / path), docname=document)

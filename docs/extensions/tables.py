@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
+from bench.answers import FIRST, FURTHER
 from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
@@ -261,7 +262,9 @@ def exponents() -> list[str]:
 
 def asked() -> list[str]:
     """Return what is asked and what is measured, as at the top of the page."""
-    lines_of_page = answers(PARTS, Inputs(RESULTS, None, None, full=True))
+    lines_of_page = answers(
+        PARTS, Inputs(RESULTS, None, None, full=True), (*FIRST, *FURTHER)
+    )
     return [f"| {line.question} | {line.answer} |" for line in lines_of_page]
 
 
@@ -395,15 +398,22 @@ TABLES = {
         ("asked", "measured"),
         asked,
         (
-            *("hertz/hertz.csv", "peers/peers.csv", "peers/periodic.csv"),
-            *(
-                "stability/models.csv",
-                "stability/stability.csv",
-                "stability/surfaces.csv",
-            ),
-            *("growth/growth.csv", "comparison/area/scores.csv"),
-            *("cost/learning.csv", "coverage/coverage.csv", "scans/scans.csv"),
-            *("grow/grow.csv", "cost/cost.csv"),
+            "accuracy/promises.csv",
+            "accuracy/ratios.csv",
+            "hertz/hertz.csv",
+            "stability/models.csv",
+            "stability/stability.csv",
+            "stability/surfaces.csv",
+            "calculix/calculix.csv",
+            "cost/learning.csv",
+            "peers/peers.csv",
+            "peers/periodic.csv",
+            "growth/growth.csv",
+            "comparison/area/scores.csv",
+            "coverage/coverage.csv",
+            "scans/scans.csv",
+            "grow/grow.csv",
+            "cost/cost.csv",
         ),
     ),
     "peers": PageTable(

@@ -75,7 +75,7 @@ left.semilogy(laws["closure_um"], laws["pressure_MPa"], "o-")
 if pressed:
     left.plot(*pressed, "s", label="CalculiX")
     left.legend()
-left.set(xlabel="closure [um]", ylabel="pressure [MPa]")
+left.set(xlabel="closure [µm]", ylabel="pressure [MPa]")
 right.loglog(laws["pressure_MPa"], laws["conductance_W_per_mm2_K"], "o-")
 right.set(xlabel="pressure [MPa]", ylabel="conductance [W/(mm2 K)]")
 plt.show()

@@ -34,7 +34,7 @@ print(f"rank correlation of Delta / rms height and area: {correlation:.3f}")
 
 figure, axes = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained", sharey=True)
 for axis, values, name in (
-    (axes[0], done.delta, "Delta [um]"),
+    (axes[0], done.delta, "Delta [µm]"),
     (axes[1], reduced, "Delta / rms height"),
 ):
     points = axis.scatter(values, done.area_percent, c=done.hurst, s=12)

@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import bem
+from gen.runtime.figure import log_axis
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 side = 256.0  # um
@@ -45,7 +46,9 @@ for hardness, area in areas.items():
     name = "elastic" if hardness is None else f"{hardness:,.0f} MPa"
     left.loglog(pressures, area, "o-", label=name)
 left.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
-left.legend(title="hardness")
+left.legend(title="hardness", loc="lower right", fontsize="small")
+log_axis(left.xaxis)
+log_axis(left.yaxis)
 for axis, contact, name in ((middle, elastic, "elastic"), (right, yielding, "2,000 MPa")):
     image = axis.imshow(
         np.ma.masked_equal(contact.pressure, 0).T,

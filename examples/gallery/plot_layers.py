@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import bem
+from gen.runtime.figure import log_axis
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 steel = bem.HalfSpace(modulus=210e3, poisson=0.3)  # MPa
@@ -54,13 +55,15 @@ for name, row in zip(cases, axes, strict=True):
     row[0].semilogx(waves, body.relative_compliance(2 * np.pi / waves))
     row[0].axvline(body.thickness, color="0.7")
     row[0].set(
-        title=name, xlabel="wavelength [um]", ylabel="compliance over the layer's own [1]"
+        title=name, xlabel="wavelength [µm]", ylabel="compliance over the layer's own [1]"
     )
     coated, bare = (areas(one, side, slope, pressures) for one in (body, block))
     row[1].loglog(pressures, coated, "o-", label="layer on steel")
     row[1].loglog(pressures, bare, "s--", label=block_name)
     row[1].set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
     row[1].legend()
+    log_axis(row[1].xaxis)
+    log_axis(row[1].yaxis)
     largest[name] = coated[-1], bare[-1]
     print(f"{name}: {coated[-1]:.1f} % in contact at {pressures[-1]:g} MPa,", end=" ")
     print(f"{block_name} {bare[-1]:.1f} %")

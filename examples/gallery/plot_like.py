@@ -3,8 +3,8 @@ Surfaces like a map
 ===================
 
 A map is one surface of many that the same process makes. ``gen scene --like`` finds the population
-that the map is of, and presses ten surfaces of it beside the map. This example draws three of them,
-and their areas over the pressure with those of the map.
+that the map is of, and presses up to ten surfaces of it beside the map. This example draws three of
+them, and their areas over the pressure with those of the map.
 """
 
 # %%
@@ -23,6 +23,7 @@ from gen.maps.prepare import prepare
 from gen.maps.read import read
 from gen.maps.settings import Reading
 from gen.population import Population, generate_like
+from gen.runtime.figure import log_axis
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 folder = Path(tempfile.mkdtemp())
@@ -37,8 +38,8 @@ lengths = "Width: 256 um\nHeight: 256 um\nValue units: um"
 np.savetxt(folder / "map.txt", heights.T, header=lengths)
 
 # %%
-# The command prepares the map, compares it with ten surfaces by the contact, and writes a scene
-# with the population.
+# The command prepares the map, compares it with up to ten surfaces by the contact, and writes a
+# scene with the population.
 
 scene = f"scene --like {folder / 'map.txt'} --young 210e3 --poisson 0.3 --hardness 2000"
 code = cli.main([*scene.split(), "-o", str(folder / "mine.toml")])
@@ -84,11 +85,13 @@ for axis, (name, surface) in zip(left.subplots(2, 2).flat, surfaces.items(), str
     )
     axis.set_title(name, fontsize="small")
     axis.set(xticks=[0, 256], yticks=[0, 256])
-left.colorbar(image, ax=left.axes, label="height [um]")
+left.colorbar(image, ax=left.axes, label="height [µm]")
 axis = right.subplots()
 for name, style in zip(areas, ("ko", "C0-", "C1-", "C2-"), strict=True):
     axis.loglog(pressures, areas[name], style, ms=4, label=name)
 axis.loglog(pressures, 100 * pressures / 2000, "k:", label="load / hardness")
 axis.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
 axis.legend(fontsize="small")
+log_axis(axis.xaxis)
+log_axis(axis.yaxis)
 plt.show()

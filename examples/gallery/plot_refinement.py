@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import bem
+from gen.runtime.figure import log_axis
 from gen.surface import generate
 
 side, finest = 1000.0, 513
@@ -47,8 +48,9 @@ left.set(xlabel="nodes a side", ylabel="contact area [%]")
 left.legend()
 for contacts, style, name in ((elastic, "o-", "elastic"), (yielding, "s-", "hardness")):
     right.semilogx(nodes, [contact.mean_gap for contact in contacts], style, label=name)
-right.set(xlabel="nodes a side", ylabel="mean gap [um]", ylim=(0, None))
+right.set(xlabel="nodes a side", ylabel="mean gap [µm]", ylim=(0, None))
 for axis in (left, right):
     axis.set_xticks(nodes, nodes)
     axis.minorticks_off()
+log_axis(left.yaxis)
 plt.show()

@@ -58,7 +58,7 @@ pressure, closure, area = (
 )
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 left.semilogx(pressure, closure, "o-")
-left.set(xlabel="nominal pressure [MPa]", ylabel="closure [um]")
+left.set(xlabel="nominal pressure [MPa]", ylabel="closure [µm]")
 right.loglog(pressure, area, "o-", label="this map")
 right.loglog(pressure, 100 * pressure / 2000, "k--", label="load / hardness")
 right.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")

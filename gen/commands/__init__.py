@@ -1,1 +1,1 @@
-"""The commands of `python -m gen`. Each module imports only what its commands need."""
+"""The commands of `asperity gen`. Each module imports only what its commands need."""

@@ -14,7 +14,7 @@ from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import absolute_load, solve_contact, surface_of
 from gen.maps.contact_pictures import DECADES, contact_maps, load_text
-from gen.maps.pictures import LETTERS, plot_map
+from gen.maps.pictures import plot_map
 from gen.material import Bodies
 from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
 from gen.runtime.errors import InputError
@@ -23,8 +23,14 @@ from gen.runtime.terminal import shortened
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.schema import Status
 
-WIDTH = 11.0
-"""Width of the picture [inches]."""
+WIDTH = 7.0
+"""Width of the picture [inches]: its letters are legible where a phone shows it 400 pixels wide."""
+
+DPI = 160
+"""Resolution of the picture [dots per inch]."""
+
+LINE = 36
+"""Number of letters in a line of a title above a map that fills its half of the picture."""
 
 COLUMNS = frozenset((*USUAL, "solve_seconds", "hurst"))
 """Columns that are drawn if a database has them."""
@@ -62,16 +68,16 @@ def plot_database(file: Path, picture: Path) -> None:
     figure = figure_for(picture, width=WIDTH, height=WIDTH)
     database = _read(file)
     upper_height = _height_of_maps(database.scene)
-    lower_height = 3.8
-    title_height = 0.4  # [inches], as the other two heights
+    lower_height = 2.8
+    title_height = 0.3  # [inches], as the other two heights
     figure.set_size_inches(WIDTH, upper_height + lower_height + title_height)
     top, bottom = figure.subfigures(2, 1, height_ratios=[upper_height, lower_height])
-    figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
+    figure.suptitle(shortened(str(file)), fontsize=10, parse_math=False)
     _plot_row(top.subplots(1, 2), database.scene, database.median_row)
     areas, times = bottom.subplots(1, 2)
     _plot_areas(bottom, areas, database)
     _plot_times(times, database.columns)
-    save(figure, picture)
+    save(figure, picture, dpi=DPI)
 
 
 def _read(file: Path) -> _PlottedDatabase:
@@ -98,8 +104,8 @@ def _height_of_maps(scene: Scene) -> float:
     Maps keep the proportions of the patch unless it is very long or very narrow.
     """
     side_x, side_y = scene.grid.sides
-    map_height = 0.4 * WIDTH * side_y / side_x
-    label_height = 0.9
+    map_height = 0.35 * WIDTH * side_y / side_x
+    label_height = 1.1
     return min(max(map_height, 1.5), 0.6 * WIDTH) + label_height
 
 
@@ -124,7 +130,7 @@ def _plot_row(axes: NDArray[Any], scene: Scene, row: int) -> None:
     # A narrow map is centred in its half of the picture. Its title begins at its left side, so that
     # fewer letters fit into a line: at least 0.4 of those above a square map.
     side_x, side_y = scene.grid.sides
-    letters = int(LETTERS * min(1.0, 0.4 + 0.6 * side_x / side_y))
+    letters = int(LINE * min(1.0, 0.4 + 0.6 * side_x / side_y))
     maps = contact_maps(contact, surface_title, contact_title)
     for axis, surface_map in zip(axes, maps, strict=True):
         plot_map(axis, surface_map, letters=letters)

@@ -20,6 +20,7 @@ from gen.schema import (
     Status,
     made_by_other_solver,
 )
+from gen.units import readable_unit
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from collections.abc import Iterable, Mapping, Sequence
@@ -37,6 +38,9 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.runtime.documents import Row
     from gen.scene import Scene
     from gen.statistics import Description
+
+DIGITS = 6
+"""Significant digits of the numbers in reports about databases and contacts."""
 
 MAPS = {"found": "map", "against_found": "the second body's map"}
 """Keys of the table [surface] of a scene that list maps, and the noun for a map in a report.
@@ -139,9 +143,10 @@ def _print_ranges(reader: Reader) -> None:
         if column.name not in ranges or column.group == RUNTIME:
             continue
         limits = ranges[column.name]
-        smallest = f"{limits.smallest:.6g}"
-        largest = f"{limits.largest:.6g}"
-        rows.append((column.name, column.unit, smallest, largest))
+        unit = readable_unit(column.unit, limits.largest, DIGITS)
+        smallest = f"{limits.smallest / unit.size:.{DIGITS}g}"
+        largest = f"{limits.largest / unit.size:.{DIGITS}g}"
+        rows.append((column.name, unit.name, smallest, largest))
     print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
 
 
@@ -484,9 +489,18 @@ def print_contacts(solved: SolvedLoads) -> None:
         [answer for answer in row if answer.column not in hidden and not answer.is_detail]
         for row in solved.rows
     ]
-    titles = [answer.column for answer in rows[0]]
-    cells = [[answer.shown for answer in row] for row in rows]
+    columns = [_in_readable_unit(column) for column in zip(*rows, strict=True)]
+    titles = [column[0].column for column in columns]
+    cells = [[answer.shown for answer in row] for row in zip(*columns, strict=True)]
     print_columns(cells, titles, right=titles)
+
+
+def _in_readable_unit(column: Sequence[Answer]) -> list[Answer]:
+    """Return the answers of a column in a unit in which the largest of them has no exponent."""
+    numbers = [abs(answer.value) for answer in column if isinstance(answer.value, float)]
+    largest = max(filter(math.isfinite, numbers), default=0.0)
+    unit = readable_unit(column[0].unit_alone, largest, DIGITS)
+    return [answer.in_unit(unit) for answer in column]
 
 
 def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) -> None:
@@ -507,11 +521,11 @@ def _print_contact(answers: Sequence[Answer], contact: Contact, seconds: float) 
     mean_pressure = 0.0  # [MPa]
     if area:
         mean_pressure = contact.force / area
-    lines = [
-        (answer.label, answer.shown, answer.unit)
-        for answer in answers
-        if answer.column not in repeated and not answer.is_detail
-    ]
+    lines = []
+    for answer in answers:
+        if answer.column not in repeated and not answer.is_detail:
+            (readable,) = _in_readable_unit([answer])
+            lines.append((readable.label, readable.shown, readable.unit))
     if contact.budget is not None:
         lines.append(_line_of_solved_grid(contact.budget))
     lines.append(

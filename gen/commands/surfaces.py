@@ -433,8 +433,8 @@ def scene(
 ) -> None:
     """Examine measured maps and write a scene of their windows, or of surfaces like them.
 
-    With --like, the map and ten surfaces are pressed under three pressures. If area and mean gap
-    are those of the map, the surfaces are taken: those of its self-affine law if it has one,
+    With --like, the map and up to ten surfaces are pressed under three pressures. If area and mean
+    gap are those of the map, the surfaces are taken: those of its self-affine law if it has one,
     otherwise surfaces with its own spectrum and heights. If not, windows of the map are.
 
     With --join the maps of --like are scans of one surface at different magnifications. The

@@ -4,8 +4,9 @@
 the maps, `gen.draft.likeness` fits a self-affine law to one map, and `gen.draft.populations` fits a
 population to maps of one kind or to scans of one surface: `gen.draft.bands` determines spectra,
 `gen.draft.joined` joins those of scans, `gen.draft.height_curve` fits the distribution of heights,
-and `gen.draft.imperfections` separates pits and dust. `gen.draft.judge` compares surfaces with a
-map by the contact, and `gen.draft.writing` writes the scene.
+`gen.draft.curve_choice` chooses between its two forms, and `gen.draft.imperfections` separates pits
+and dust. `gen.draft.judge` compares surfaces with a map by the contact, which `gen.draft.press`
+solves, and `gen.draft.writing` writes the scene.
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ from pathlib import Path
 import numpy as np
 
 from gen.arrays import Heights
-from gen.draft.judge import Judgement, judge_surfaces, print_judgement
+from gen.draft.joined import judged_scan, surface_at_nodes
+from gen.draft.judge import (
+    Judgement,
+    Maker,
+    compare_parts,
+    judge_surfaces,
+    print_judgement,
+    print_reach,
+)
 from gen.draft.likeness import NODES as LAW_NODES
 from gen.draft.likeness import NoLaw, propose_like
 from gen.draft.populations import LikeMaps, propose_joined, propose_population
@@ -33,6 +42,7 @@ from gen.draft.writing import (
 )
 from gen.maps.filters import fitted_polynomial
 from gen.maps.library import map_files
+from gen.maps.read import Topography
 from gen.maps.settings import Reading
 from gen.material import Bodies
 from gen.population import Population, generate_like
@@ -182,42 +192,68 @@ def _draft_like(order: _Order, paths: Sequence[Path]) -> Draft:
 def _draft_joined(order: _Order, paths: Sequence[Path]) -> Draft:
     """Write a scene of surfaces with the joined spectrum of scans, and return it.
 
-    The surfaces are compared with the scan with the shortest waves. The scene is written whatever
-    the verdict is; a verdict other than "of its kind" is a remark.
+    The surfaces are compared with the finest scan, and at the nodes of the widest scan with this
+    one. The finest scan lacks the long waves, so that its rms height is a matter of chance. The
+    verdict by the widest scan decides, as that by a single map does, see `_draft_like`. If the map
+    is not of the kind of the surfaces, the windows are those of the widest scan.
     """
     like = propose_joined(paths, order.reading)
+    joined = like.joined
+    assert joined is not None  # `propose_joined` has joined the scans
     print_surveys(like.surveys)
     _print_preparation(like.reading, like.surveys)
-    if like.joined is not None:
-        for scan in like.joined.scans:
-            waves = scan.range
-            echo(
-                f"{Path(scan.name).name}: waves of {waves.longest:.4g} to"
-                f" {waves.shortest:.4g} um (limit: {waves.limit})"
-            )
-    [finest] = like.maps
-    topography = finest.topography
-    judgement = judge_surfaces(
-        topography.heights,
-        topography.spacing,
+    for scan in joined.scans:
+        waves = scan.range
+        echo(
+            f"{Path(scan.name).name}: waves of {waves.longest:.4g} to"
+            f" {waves.shortest:.4g} um (limit: {waves.limit})"
+        )
+    finest = joined.finest
+    judgement = _judged(
+        finest.topography,
         partial(_levelled_surface, like.population),
         order.bodies,
         like.nodes,
+        f"levelled surfaces with the joined spectrum and {Path(finest.name).name}",
     )
-    name = Path(topography.name).name
-    print_judgement(judgement, f"levelled surfaces with the joined spectrum and {name}")
+    widest = judged_scan(joined)
+    if widest is not finest:
+        judgement = _judged_at_nodes(order, like.population, widest.topography)
+        if judgement.verdict == "not of its kind" and not order.generator:
+            name = Path(widest.name).name
+            echo(f"windows of {name} are taken instead (--generator like insists)")
+            return _draft_windows(order, [widest.name])
     drafted = _draft_population(order, like)
     if judgement.verdict == "of its kind":
         return drafted
     return replace(drafted, remarks=[*drafted.remarks, judgement.sentence])
 
 
+def _judged_at_nodes(
+    order: _Order, population: Population, scan: Topography
+) -> Judgement:
+    """Judge a scan by surfaces of a joined population at its nodes, and print the judgement."""
+
+    def make(shape: tuple[int, int], random: Random) -> Heights:
+        """Make a surface [um] at nodes of the scan."""
+        surface = surface_at_nodes(population, shape, scan.spacing, random)
+        return _levelled(surface)
+
+    judgement = judge_surfaces(scan.heights, scan.spacing, make, order.bodies)
+    name = Path(scan.name).name
+    print_judgement(judgement, f"levelled surfaces at the nodes of {name}")
+    return judgement
+
+
 def _levelled_surface(
     population: Population, shape: tuple[int, int], random: Random
 ) -> Heights:
-    """Make a surface [um] with the nodes `shape`, less its mean plane, as a scan is levelled."""
-    nx, ny = (max(pair) for pair in zip(shape, population.nodes, strict=True))
-    surface = generate_like(population, shape, (nx, ny), random)
+    """Make a surface [um] with the nodes `shape`, less its mean plane."""
+    return _levelled(_surface_like(population, 1.0, shape, random))
+
+
+def _levelled(surface: Heights) -> Heights:
+    """Return a surface less its mean plane, as a scan is levelled [um]."""
     return np.asarray(surface - fitted_polynomial(surface, degree=1))
 
 
@@ -230,16 +266,31 @@ def _judged_population(order: _Order, like: LikeMaps) -> list[Judgement]:
     ):
         scale = source.rms_height / like.median_rms_height
         topography = fitted_map.topography
-        judgement = judge_surfaces(
-            topography.heights,
-            topography.spacing,
+        judgement = _judged(
+            topography,
             partial(_surface_like, population, scale),
             order.bodies,
             like.nodes,
+            f"surfaces with the spectrum of {survey.path.name}",
         )
-        print_judgement(judgement, f"surfaces with the spectrum of {survey.path.name}")
         judgements.append(judgement)
     return judgements
+
+
+def _judged(
+    topography: Topography, make: Maker, bodies: Bodies, nodes: int, kind: str
+) -> Judgement:
+    """Judge a map by the contact; print the judgement, and whether features reach the map's.
+
+    `nodes` are those along each side of the scene's patches, and `kind` says in the plural what
+    the surfaces are.
+    """
+    heights = topography.heights
+    spacing = topography.spacing
+    judgement = judge_surfaces(heights, spacing, make, bodies)
+    print_judgement(judgement, kind)
+    print_reach(compare_parts(heights, spacing, make, nodes))
+    return judgement
 
 
 def _surface_like(
@@ -277,17 +328,16 @@ def _draft_law(order: _Order, path: Path) -> Draft | None:
         return None
     topography = likeness.topography
     try:
-        judgement = judge_surfaces(
-            topography.heights,
-            topography.spacing,
+        judgement = _judged(
+            topography,
             likeness.generate,
             order.bodies,
             LAW_NODES,
+            f"surfaces of the self-affine law of {path.name}",
         )
     except InputError as fault:  # the law's waves are too short for the map's grid
         echo(f"no surfaces of its law on its grid: {fault}")
         return None
-    print_judgement(judgement, f"surfaces of the self-affine law of {path.name}")
     if judgement.verdict != "of its kind" and order.generator != "spectral":
         echo("surfaces get the spectrum of the map itself (--generator spectral insists)")
         return None

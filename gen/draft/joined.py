@@ -11,15 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gen.arrays import Values
+from gen.arrays import Heights, Values
 from gen.draft.bands import WaveBands, WaveGrid, periodogram, smoothed, with_means
 from gen.maps.joining import JoinedSpectrum, ScanSpectrum
 from gen.maps.texture import RadialSpectrum
-from gen.population import densities_at
+from gen.population import Population, densities_at, generate_like
 
 # Largest number of nodes along each side of the period of a joined population. Longer waves are
 # left out.
 MOST_NODES = 1024
+# Largest number of nodes along each side of a surface that is made for the comparison with a scan.
+MOST_NODES_OF_A_SCAN = 2048
 ROUNDS = 3  # number of corrections of the spectrum by the joined radial spectrum
 
 
@@ -170,3 +172,71 @@ def _logarithms_at(scan: ScanSpectrum, qx: Values, qy: Values) -> Values:
     # `densities_at` returns 0 for the mean of heights, whose logarithm would be infinite.
     densities[np.ix_(along_x == 0, qy == 0)] = math.exp(logarithms[0, 0, 0])
     return np.log(densities).reshape(2, qx.size, qy.size)
+
+
+def judged_scan(joined: JoinedSpectrum) -> ScanSpectrum:
+    """Return the widest scan of whose size a surface can be made at the spacing of the finest scan.
+
+    Parameters
+    ----------
+    joined : JoinedSpectrum
+        The scans.
+
+    Returns
+    -------
+    ScanSpectrum
+        The scan; the finest one if surfaces of the size of any other would have too many nodes.
+    """
+    finest = joined.finest
+    for scan in joined.scans:
+        nodes = np.divide(scan.topography.sides, finest.topography.spacing)
+        if nodes.max() <= MOST_NODES_OF_A_SCAN:
+            return scan
+    return finest
+
+
+def surface_at_nodes(
+    population: Population,
+    shape: tuple[int, int],
+    spacing: tuple[float, float],
+    random: np.random.Generator,
+) -> Heights:
+    """Make a surface of a population and take its heights at nodes with another spacing.
+
+    Between nodes of the population's spacing, heights are interpolated linearly.
+
+    Parameters
+    ----------
+    population : Population
+        The population.
+    shape : tuple of int
+        Nodes of the result along x and y.
+    spacing : tuple of float
+        Distance of these nodes along x and y [um].
+    random : numpy.random.Generator
+        Source of the surface. The call moves its state.
+
+    Returns
+    -------
+    ndarray, shape `shape`
+        Heights [um].
+    """
+    positions_x, positions_y = (
+        np.arange(float(nodes)) * (step / fine_step)
+        for nodes, step, fine_step in zip(shape, spacing, population.spacing, strict=True)
+    )
+    nodes_x, nodes_y = population.nodes
+    # Heights at the last position are interpolated between the two nodes around it.
+    fine_x = int(positions_x[-1]) + 2
+    fine_y = int(positions_y[-1]) + 2
+    period = (max(fine_x, nodes_x), max(fine_y, nodes_y))
+    surface = generate_like(population, (fine_x, fine_y), period, random)
+    along_x = _at_positions(surface, positions_x)
+    return _at_positions(along_x.T, positions_y).T
+
+
+def _at_positions(heights: Heights, positions: Values) -> Heights:
+    """Interpolate heights [um] linearly at positions along x, which are counted in nodes."""
+    below = positions.astype(np.int64)
+    share = (positions - below)[:, None]
+    return np.asarray((1 - share) * heights[below] + share * heights[below + 1])

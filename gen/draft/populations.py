@@ -4,8 +4,8 @@ Imperfections of the maps are separated first, see `gen.draft.imperfections`. A 
 imperfections is its texture. A translation field, see `gen.population`, is fitted to the textures
 in three steps:
 
-- The curve from normal scores to heights follows from the textures' heights, see
-  `gen.draft.height_curve`.
+- The curve from normal scores to heights follows from the textures' heights or from their slopes,
+  see `gen.draft.height_curve`. The contact chooses, see `gen.draft.curve_choice`.
 - The target spectrum of the surfaces is that of the textures in bands. It is corrected until rms
   slopes along both axes and rms curvature, over the rms height, are those of the textures.
 - The spectrum of the Gaussian field follows from both. The Hermite polynomials of the curve
@@ -46,6 +46,7 @@ from gen.draft.bands import (
     smoothed,
     with_means,
 )
+from gen.draft.curve_choice import nearest_population
 from gen.draft.height_curve import HeightCurve
 from gen.draft.imperfections import MOST_HEIGHTS, separate_imperfections
 from gen.draft.joined import join_in_bands
@@ -375,27 +376,34 @@ def fit_population(
     ]
     shape = max((texture.shape for texture in textures), key=math.prod)
     grid = WaveGrid(shape=shape, spacing=spacing)
-    curve = HeightCurve.of(textures)
-    target = _target_spectrum(textures, grid).with_variance(curve.variance)
+    target = _target_spectrum(textures, grid)
     imperfections = tuple(
         _heights_in_rows(imperfection / rms_height_of_map * rms_height)
         for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
         for imperfection in separated_map.imperfections
     )
-    population = _population(
-        maps=maps,
-        preparation=preparation,
-        shortest=_shortest_wave(maps),
-        target=target,
-        curve=curve,
-        rms_height=rms_height,
-        imperfections=imperfections,
-        remarks=(),
-    )
+    curves = [HeightCurve.of(textures)]
+    by_slopes = HeightCurve.by_slopes(textures, spacing)
+    if by_slopes is not None and by_slopes.has_bearing_heights_of(curves[0]):
+        curves.append(by_slopes)
+    populations = [
+        _population(
+            maps=maps,
+            preparation=preparation,
+            shortest=_shortest_wave(maps),
+            target=target.with_variance(curve.variance),
+            curve=curve,
+            rms_height=rms_height,
+            imperfections=imperfections,
+            remarks=(),
+        )
+        for curve in curves
+    ]
     scaled_maps = [
         heights * (rms_height / rms_height_of_map)
         for heights, rms_height_of_map in zip(heights_of_maps, rms_heights, strict=True)
     ]
+    population = nearest_population(populations, scaled_maps)
     of_maps = Roughness.of(scaled_maps, spacing)
     remarks = _remarks_on_roughness(population, shape, of_maps)
     population = replace(population, remarks=tuple(remarks))

@@ -20,6 +20,7 @@ from string import Template
 
 from gen.draft.likeness import NODES, Likeness, rounded
 from gen.draft.populations import LikeMaps
+from gen.draft.press import KAPPA
 from gen.draft.proposal import LOADS_PER_SURFACE, Proposal
 from gen.draft.survey import MapSurvey, remarks
 from gen.generators.scans import MOST_PATTERNS
@@ -46,9 +47,6 @@ FEWEST_NODES = 50
 LARGEST_AREA = 0.4  # approximate share of the patch in contact under the largest load
 # largest mean pressure, as a share of the hardness; there is no equilibrium from 1 upwards
 LARGEST_PRESSURE = 0.5
-# Under light loads the share of the patch in contact is KAPPA p / (E* rms slope), where p is the
-# mean pressure. Theories give 1.6 (Persson) and 2.5 (Bush, Gibson and Thomas).
-KAPPA = 2.0
 
 
 def scene_of_windows(

@@ -327,17 +327,20 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
     Raises
     ------
     InputError
-        If a surface cannot be read or is flat, or if a scene has another boundary than `only` or
-        comes with a second body or with errors in the order.
+        If a surface cannot be read or is flat; if a scene has another boundary than `only` or
+        comes with a second body or with errors in the order; or if the order has settings for
+        reading and preparing files, but no input is a file.
     """
     boundary = only or order.boundary or USUAL_BOUNDARY
     opposites: list[Opposite | None] = [None]  # a flat second body
     if order.opposite is not None:
         files = files_in(order.opposite.path)
         opposites = [replace(order.opposite, path=file) for file in files]
+    scenes = [scene_of(text) for text in order.inputs]
+    if None not in scenes:
+        _refuse_reading(order)
     parts: list[InputSurfaces] = []
-    for text in order.inputs:
-        scene = scene_of(text)
+    for text, scene in zip(order.inputs, scenes, strict=True):
         if scene is not None and order.errors is not None:
             raise InputError(
                 f"--error: {text} is a scene: its means are made by gen.law.by_means"
@@ -345,8 +348,8 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
         if scene is None:
             parts.append(_read_files(text, order, boundary, opposites))
         else:
-            scene = _scene_of_law(scene, text, order, boundary, only)
-            parts.append(_generate(scene, text, order.surfaces))
+            scene_of_law = _scene_of_law(scene, text, order, boundary, only)
+            parts.append(_generate(scene_of_law, text, order.surfaces))
     doubts = [doubt for part in parts for doubt in part.doubts]
     return LawSurfaces(
         surfaces=[surface for part in parts for surface in part.surfaces],
@@ -354,6 +357,16 @@ def read_law_surfaces(order: Order, only: Boundary | None = None) -> LawSurfaces
         doubts=list(dict.fromkeys(doubts)),  # each once
         sources=[source for part in parts for source in part.sources],
     )
+
+
+def _refuse_reading(order: Order) -> None:
+    """Raise InputError if an order that has no files has settings by which files are read."""
+    settings = order.reading.changed_options
+    if settings:
+        raise InputError(
+            f"{settings}: goes with files of surfaces; the surfaces of"
+            f" {', '.join(order.inputs)} are made as the scene says"
+        )
 
 
 def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:

@@ -21,6 +21,7 @@ from gen.quantities import (
 )
 from gen.runtime.errors import InputError
 from gen.shear import Sheared
+from gen.units import Unit
 
 if TYPE_CHECKING:
     from bem import Body, Contact
@@ -81,6 +82,24 @@ class Answer(NamedTuple):
         place_of_first_digit = math.floor(math.log10(self.error))
         decimals = max(1 - place_of_first_digit, 0)
         return f"{self.value:.{decimals}f}"
+
+    @property
+    def unit_alone(self) -> str:
+        """The unit without a remark."""
+        return self.unit.partition(",")[0]
+
+    def in_unit(self, unit: Unit) -> Answer:
+        """Return the same answer in another unit; its column gets the name of this unit."""
+        if not isinstance(self.value, float) or unit.name == self.unit_alone:
+            return self
+        old_ending = self.unit_alone.replace("/", "_per_")
+        new_ending = unit.name.replace("/", "_per_")
+        return self._replace(
+            column=self.column.removesuffix(old_ending) + new_ending,
+            value=self.value / unit.size,
+            unit=unit.name + self.unit.removeprefix(self.unit_alone),
+            error=self.error / unit.size,
+        )
 
 
 def require_conductivities(conductivities: Sequence[float]) -> tuple[float, float]:

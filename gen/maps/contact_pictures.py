@@ -16,9 +16,19 @@ from gen.maps.answers import AnswerOptions
 from gen.maps.pictures import COLOURS, CYAN, Map, plot_map
 from gen.maps.read import Sides
 from gen.material import Bodies
-from gen.quantities import AREA, DELTA, FORCE, LOADS, MEAN_GAP, Quantity, nominal_area
+from gen.quantities import (
+    AREA,
+    DELTA,
+    FORCE,
+    LOADS,
+    MEAN_GAP,
+    Quantity,
+    nominal_area,
+    typographic,
+)
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
+from gen.units import with_unit
 
 if TYPE_CHECKING:
     from bem import Contact
@@ -51,7 +61,7 @@ def load_text(contact: Contact, quantity: str) -> str:
     if quantity.startswith("delta"):
         return f"Δ = {contact.delta:.4g} µm"
     if quantity == "force":
-        return f"{contact.force:.4g} µN"
+        return typographic(with_unit(contact.force, "uN"))
     return f"{contact.force / nominal_area(contact):.4g} MPa mean pressure"
 
 
@@ -290,10 +300,8 @@ def _contact_title(last: Contact, loads: int, captions: ContactCaptions) -> str:
     `loads` is the number of loads.
     """
     pressure = last.force / nominal_area(last)
-    load = (
-        f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN,"
-        f" mean pressure {pressure:.4g} MPa"
-    )
+    force = typographic(with_unit(last.force, "uN"))
+    load = f"Δ = {last.delta:.4g} µm, force {force}, mean pressure {pressure:.4g} MPa"
     if loads > 1:
         load = f"last of {loads} loads: {load}"
     bodies = captions.bodies.text

@@ -309,6 +309,13 @@ class Reading(FileReading):
         return {name: getattr(self, name) for name in keys(table)}
 
     @property
+    def changed_options(self) -> str:
+        """The options of commands whose values are not the default, as "--level --side"."""
+        default = type(self)()
+        names = [name for name in KEYS if getattr(self, name) != getattr(default, name)]
+        return " ".join(as_option(name) for name in sorted(names))
+
+    @property
     def options_of_steps(self) -> str:
         """The steps of the preparation as options of commands, as "--level plane --fill".
 

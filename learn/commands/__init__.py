@@ -1,1 +1,1 @@
-"""The commands of `python -m learn`. Each module imports only what its commands need."""
+"""The commands of `asperity learn`. Each module imports only what its commands need."""

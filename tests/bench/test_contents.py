@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from page_parts import written
 
-from bench.answers import FREE, lines
+from bench.answers import FIRST, FREE, FURTHER, lines
 from bench.contents import Table, tabulated
 from bench.record import Inputs
 from bench.report import PARTS
@@ -28,6 +28,20 @@ from gen.runtime.errors import InputError
 def test_numbers_are_short(text, expected, tmp_path):
     data = written("data.csv", [["value", "other"], [text, 1]], tmp_path)
     assert tabulated(Table(data, "")).rows[0][0].text == expected
+
+
+def test_large_forces_are_shown_in_newtons(tmp_path):
+    rows: list[list[object]] = [
+        ["force_uN", "hardness_MPa"],
+        [5.0784e7, 2000],
+        ["", "inf"],
+    ]
+    table = tabulated(Table(written("data.csv", rows, tmp_path), ""))
+    assert [title.text for title in table.titles] == ["force [N]", "hardness [MPa]"]
+    assert [[cell.text for cell in row] for row in table.rows] == [
+        ["50.78", "2000"],
+        ["", "∞"],
+    ]
 
 
 def test_tables_without_a_column_are_refused(tmp_path):
@@ -54,9 +68,13 @@ RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
 
 def test_all_questions_are_answered_by_what_is_published():
     inputs = Inputs(RESULTS, None, None, full=True)
-    found = lines(PARTS, inputs)
-    assert len(found) == 11
-    assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in found)
+    questions = (*FIRST, *FURTHER)
+    answers = lines(PARTS, inputs, questions)
+    assert [line.question for line in answers] == [
+        question.text for question in questions
+    ]
+    assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in answers)
+    assert all(line.command.startswith("asperity bench ") for line in answers[:6])
 
 
 def test_what_is_not_there_is_not_listed(tmp_path):
@@ -64,7 +82,7 @@ def test_what_is_not_there_is_not_listed(tmp_path):
     (tmp_path / "grow" / "grow.csv").write_text(
         "asked,seed\n3,1\n"
     )  # lacks what is asked
-    assert lines(PARTS, Inputs(tmp_path, None, None, full=False)) == []
+    assert lines(PARTS, Inputs(tmp_path, None, None, full=False), FURTHER) == []
 
 
 def test_the_fastest_other_solver_is_chosen_case_by_case():

@@ -1,7 +1,9 @@
 """The page shows what the parts hold, as it is, and stands alone."""
 
 import base64
+import json
 import re
+from dataclasses import replace
 
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
@@ -29,6 +31,32 @@ def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path):
     assert "<p>by hand</p>" in text
     assert "No record says when, where and by which command this was made" in text
     assert "bench hertz" not in text
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_captions_say_which_packages_were_missing(tmp_path, *, installed):
+    """Packages alone: records do not tell which programs there were."""
+    one = replace(part("one", WRITE), needs=("tamaas", "mpiexec"), show=contents)
+    makes(tmp_path, [one])
+    path = inputs(tmp_path).path(one)
+    record = json.loads(path.read_text(encoding="utf-8"))
+    record["versions"].pop("tamaas", None)
+    if installed:
+        record["versions"]["tamaas"] = "2.9.0"
+    path.write_text(json.dumps(record), encoding="utf-8")
+    text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
+    sentence = "A line that falls. Without tamaas, not installed where this was made."
+    assert (sentence in text) is not installed
+
+
+def test_the_page_begins_with_the_picture_of_errors_over_times(tmp_path):
+    first = Part("accuracy", "Chapter", "Errors", WRITE, WRITE, contents)
+    makes(tmp_path, [first])
+    text = write_page([first], inputs(tmp_path)).read_text(encoding="utf-8")
+    header = text.partition("<nav")[0]
+    assert header.count("<img ") == 1
+    assert "Error of the contact area over the CPU time" in header
+    assert "Further answers" not in header
 
 
 def test_page_says_which_parts_are_of_another_state():

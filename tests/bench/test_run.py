@@ -181,7 +181,7 @@ def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
     assert main(["page", str(report)]) == 0
     text = (report / "index.html").read_text(encoding="utf-8")
     assert text.count("<img ") == 1
-    assert f"python -m bench hertz -o {report / 'hertz'}" in text
+    assert f"asperity bench hertz -o {report / 'hertz'}" in text
     assert main(arguments) == 0
     assert "hertz: is there" in capfd.readouterr().err
 
@@ -219,11 +219,12 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
         "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
     )
     assert here.portable(one, there) == (
-        "python -m bench one --database report/databases/paper.h5 -o report/one"
+        "asperity bench one --database report/databases/paper.h5 -o report/one"
     )
-    own = f"python -m bench one -o {tmp_path / 'one'}"
-    for command in (own, "python -m bench other /data/one.csv"):
-        assert here.portable(one, command) == command
+    own = f"bench one -o {tmp_path / 'one'}"
+    for command in (own, "bench other /data/one.csv"):
+        assert here.portable(one, f"python -m {command}") == f"asperity {command}"
+    assert here.portable(one, "python -m tests.faults") == "python -m tests.faults"
     assert here.portable(one, "") == ""
 
 

@@ -643,6 +643,15 @@ def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments,
     assert not Path("law.csv").exists()
 
 
+@pytest.mark.parametrize("setting", ["--prepare", "--level plane", "--side 5"])
+def test_a_scene_refuses_settings_for_files(here, refused, setting):
+    """Its surfaces are made as the scene says."""
+    command = ["paper", "--pressure", "1", *setting.split(), "-o", "law"]
+    line = refused(cli, "law", *command)
+    assert f"{setting.split()[0]}: goes with files" in line
+    assert "paper" in line
+
+
 def test_a_flat_surface_has_no_law(surfaces, capsys):
     np.save("flat.npy", np.zeros((9, 9)))
     assert (

@@ -354,7 +354,7 @@ def test_stiffnesses_are_written(answered):
 
 def test_the_stiffness_of_the_interface_is_printed_with_what_it_leaves_out(answered):
     words = answered.lines["interface's stiffness"]
-    assert words[1:4] == ["N/m,", "without", "the"]
+    assert words[1:4] == ["N/um,", "without", "the"]
 
 
 def test_conductances_are_written(answered):
