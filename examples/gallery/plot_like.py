@@ -95,3 +95,8 @@ axis.legend(fontsize="small")
 log_axis(axis.xaxis)
 log_axis(axis.yaxis)
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number.
+
+np.testing.assert_allclose(np.abs(off).max(), 0.08, atol=0.01)
