@@ -112,7 +112,7 @@ def compare_ranges(
     names = list(describe(parts[0], spacing).values)
     of_parts = _statistics(parts, spacing)
     of_patches = _statistics(patches, spacing)
-    # These ignore NaN. A statistic that is undefined everywhere has the range NaN, and flags nothing.
+    # These ignore NaN. A statistic that is undefined everywhere flags no part.
     low = np.fmin.reduce(of_patches, axis=0)
     high = np.fmax.reduce(of_patches, axis=0)
     margin = margins(low, high, np.zeros(len(names), dtype=np.bool_))
