@@ -70,7 +70,7 @@ WEIGHTS = {
             difference=0.75, work=0.06, outer=0.065, yielded=0.04, node=1.2, summit=1.6
         ),
         "stiffness": Weights(
-            difference=0.6, scatter=0.09, outer=0.075, yielded=0.15, summit=1.9
+            difference=0.65, scatter=0.09, outer=0.1, yielded=0.3, summit=1.9
         ),
     },
     "creased": {
