@@ -132,7 +132,7 @@ def times_of_others(rows: list[Row]) -> str:
     str
         The answer, for an error of 3 % and one of 1 %.
     """
-    answers: list[str] = []
+    ratios: list[str] = []
     for percent in (3, 1):
         measured = [
             row
@@ -141,10 +141,10 @@ def times_of_others(rows: list[Row]) -> str:
         ]
         fastest = min(measured, key=lambda row: float(row["measured_times_ours"]))
         ratio = float(fastest["measured_times_ours"])
-        answers.append(f"{ratio:.2g} times for {percent} % ({fastest['way']})")
+        ratios.append(f"{ratio:.2g} times our time for {percent} % ({fastest['way']})")
     return (
-        f"The fastest other solver takes so many times our time: {', '.join(answers)}. Ours"
-        " includes the search for the grid and the bar."
+        f"The fastest other solver takes {' and '.join(ratios)}. Our time includes the search"
+        " for the grid and the bar."
     )
 
 
