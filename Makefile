@@ -4,6 +4,9 @@ BIN := .venv/bin
 
 .PHONY: quickstart test test-all long docs figures slurm slurm-test campaign check browser calculix debian parallel test-parallel versions wheel clean
 
+# Hundreds of processes import the same modules: they are compiled once, whatever the environment says.
+unexport PYTHONDONTWRITEBYTECODE
+
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
 	$(BIN)/python -m gen info quick.h5
@@ -44,7 +47,7 @@ slurm:
 
 # The short form of `python -m tests.faults`.
 campaign: .venv/test-installed
-	$(BIN)/python -m pytest -m campaign
+	$(BIN)/python -m pytest tests/faults -m campaign
 
 check: .venv/test-installed
 	$(BIN)/ruff check .

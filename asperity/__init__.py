@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["OutsideTraining", "SceneFunction", "SurrogateFunction", "__version__"]
 
 __version__: str = VERSION
-"""Version of the installed distribution, as "1.0.0"."""
+"""Version of the installed distribution, as "1.1.0"."""
 
 
 def __getattr__(name: str) -> object:

@@ -35,6 +35,7 @@ UNITS = {
     "MPa": "MPa",
     "GPa": "GPa",
     "K": "K",
+    "MB": "MB",
 }
 """Units as they are shown, by the last word of a column's name."""
 

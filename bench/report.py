@@ -158,7 +158,7 @@ CHAPTERS: Mapping[str, Sequence[str]] = {
         "hertz",
     ],
     "Bodies that yield": ["hardness"],
-    "Patches without edges, and theory": ["periodic", "theory"],
+    "Patches without edges, and theory": ["periodic", "theory", "challenge"],
     "Stiff and extreme cases": ["stability"],
     "Laws of interfaces": ["calculix", "bands"],
     "Cores": ["threads", "speedup"],

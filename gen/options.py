@@ -215,6 +215,26 @@ NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to wr
 Recompute = Annotated[
     int, Option(metavar="N", min=0, help="Rows to recompute and compare.")
 ]
+DatabaseOrScene = Annotated[
+    str,
+    Argument(
+        metavar="FILE",
+        help="A database (HDF5); or a scene with [expect], a shipped one or a TOML file.",
+    ),
+]
+FirstSurfaces = Annotated[
+    int,
+    Option(
+        "--surfaces",
+        metavar="N",
+        min=2,
+        help="Surfaces of a scene to compute, for its means.",
+    ),
+]
+Expect = Annotated[
+    bool,
+    Option("--expect", help="Print the means as a table [expect] for the scene."),
+]
 Repair = Annotated[
     bool, Option("--repair", help="Make damaged rows pending, for gen run.")
 ]
@@ -465,6 +485,20 @@ NOT_WITH_LAYER = {
     ),
 }
 """Options that --layer-thickness refuses, by their parameters."""
+
+
+_WITHOUT_ROWS = "a scene has no rows yet"
+NOT_WITH_SCENE = {
+    "recompute": Refusal(None, _WITHOUT_ROWS),
+    "seed": Refusal(None, _WITHOUT_ROWS),
+    "repair": Refusal(False, _WITHOUT_ROWS),
+}
+"""Options of gen check that a scene refuses, by their parameters."""
+
+NOT_WITH_DATABASE = {
+    "surfaces": Refusal(None, "all rows of the database are averaged"),
+}
+"""Options of gen check that a database refuses, by their parameters."""
 
 
 _OF_ONE_MAP = "its numbers are those of a single map"

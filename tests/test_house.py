@@ -41,6 +41,7 @@ ONE_HOME = {
 
 TESTED_TOGETHER = {
     "tests/asperity/test_children.py": "processes that commands start, in every command that does",
+    "tests/asperity/test_earlier_files.py": "files of version 1.0.0, in every command",
     "tests/asperity/test_strangers_files.py": "code that files name, in every command",
     "tests/bem/test_edgeless.py": "a property of all solves: patches without edges",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
@@ -66,6 +67,11 @@ NUMERICS = {
 }
 
 
+def is_for_types(node: ast.stmt) -> bool:
+    """Whether a statement is `if TYPE_CHECKING`."""
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+
+
 @functools.cache
 def imported_modules(path: Path, for_types: bool = True) -> tuple[str, ...]:
     """Names of all modules that a file imports, also inside its functions, or for types alone."""
@@ -75,7 +81,7 @@ def imported_modules(path: Path, for_types: bool = True) -> tuple[str, ...]:
 def _imported_modules(path: Path, for_types: bool) -> Iterator[str]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     if not for_types:
-        tree.body = [node for node in tree.body if "TYPE_CHECKING" not in ast.dump(node)]
+        tree.body = [node for node in tree.body if not is_for_types(node)]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)

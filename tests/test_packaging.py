@@ -303,3 +303,4 @@ def test_the_recipe_asks_for_what_the_package_asks_for():
         text = (ROOT / "recipe" / name).read_text(encoding="utf-8")
         (extras,) = re.findall(r"/source\[(.*)\]", text)
         assert set(extras.split(",")) <= set(EXTRAS)
+        assert re.search(rf'image\.version[= "]+{re.escape(VERSION)}\b', text)

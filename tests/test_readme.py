@@ -62,8 +62,8 @@ def test_paths_that_a_page_names_are_there(page):
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
     samples = [scene.samples for scene in shown]
-    assert samples == [2000, 1000, 2000, 2000, 3000, 3000, 300, 200]
-    assert [shown[4].surface.generator, shown[5].surface.generator] == ["scans", "like"]
+    assert samples == [2000, 1000, 2000, 2000, 5000, 3000, 3000, 300, 200]
+    assert [shown[5].surface.generator, shown[6].surface.generator] == ["scans", "like"]
 
 
 @pytest.mark.usefixtures("here")

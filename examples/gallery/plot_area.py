@@ -72,3 +72,9 @@ right.set_xticks(grids[::2], [str(each) for each in grids[::2]])
 right.minorticks_off()
 right.legend(fontsize="small")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its numbers.
+
+np.testing.assert_allclose(coarse.continuum_area_percent, 10.87, rtol=5e-3)
+np.testing.assert_allclose(areas[0, 1, 1:], fine.continuum_area_percent, rtol=0.01)

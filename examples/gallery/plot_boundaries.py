@@ -50,3 +50,9 @@ for axis, (name, contact) in zip(axes, contacts.items(), strict=True):
     axis.set(title=title, xticks=[], yticks=[])
 figure.colorbar(image, ax=axes, label="contact pressure [MPa]", extend="max")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its numbers.
+
+np.testing.assert_allclose(border.mean(), 0.18, atol=5e-3)
+np.testing.assert_allclose([*shares.values()], [0.375, 0.211, 0.206], rtol=0.01)

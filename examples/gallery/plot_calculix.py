@@ -79,3 +79,9 @@ left.set(xlabel="closure [µm]", ylabel="pressure [MPa]")
 right.loglog(laws["pressure_MPa"], laws["conductance_W_per_mm2_K"], "o-")
 right.set(xlabel="pressure [MPa]", ylabel="conductance [W/(mm2 K)]")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its numbers, at 100 MPa.
+
+np.testing.assert_allclose(laws["closure_um"][-1], 0.687, rtol=0.01)
+np.testing.assert_allclose(laws["conductance_W_per_mm2_K"][-1], 0.1476, rtol=0.02)

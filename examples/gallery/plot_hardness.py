@@ -60,3 +60,9 @@ for axis, contact, name in ((middle, elastic, "elastic"), (right, yielding, "2,0
     axis.set(title=f"{name}, at 300 MPa", xticks=[], yticks=[])
 figure.colorbar(image, ax=(middle, right), label="contact pressure [MPa]", extend="max")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its numbers.
+
+np.testing.assert_allclose(areas[2000.0][-1], 25.67, rtol=5e-3)
+np.testing.assert_allclose(elastic.largest_pressure, 36480, rtol=0.01)

@@ -48,3 +48,8 @@ right.plot(deltas, hertz_areas, "k-", label="Hertz")
 right.plot(deltas, areas, "o", label="solved")
 right.set(xlabel="Delta [µm]", ylabel="contact area [µm²]")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number.
+
+np.testing.assert_allclose(forces, hertz_forces, rtol=1e-3)

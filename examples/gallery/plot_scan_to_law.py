@@ -64,3 +64,8 @@ right.loglog(pressure, 100 * pressure / 2000, "k--", label="load / hardness")
 right.set(xlabel="nominal pressure [MPa]", ylabel="contact area [%]")
 right.legend()
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number, the load over the hardness.
+
+np.testing.assert_allclose(area[-1], 50, atol=1)

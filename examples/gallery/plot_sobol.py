@@ -62,3 +62,8 @@ axis.set_xticks(places, problem["names"])
 axis.set(ylabel="share of the variance")
 axis.legend()
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number.
+
+np.testing.assert_allclose(indices["ST"][2], 0.59, atol=0.1)  # of Delta

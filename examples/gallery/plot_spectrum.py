@@ -57,3 +57,8 @@ right.axvline(2 * np.pi / 4, color="0.6", linestyle=":", label="cut-off")
 right.set(xlabel="wavenumber q [1/µm]", ylabel="spectral density [µm⁴]")
 right.legend()
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number.
+
+np.testing.assert_allclose(hurst, 0.8, atol=0.01)

@@ -50,3 +50,11 @@ for axis, contact in zip(axes, (light, heavy), strict=True):
         title=f"{contact.area_percent:.0f} % in contact: {sealed}", xticks=[], yticks=[]
     )
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its numbers.
+
+np.testing.assert_allclose(
+    [light.area_percent, heavy.area_percent], [22.77, 76.21], rtol=5e-3
+)
+np.testing.assert_allclose([light.spots.number, heavy.spots.number], [72, 6], atol=1)

@@ -55,3 +55,9 @@ axis.errorbar(solved, predicted, [predicted - low, high - predicted], fmt="o", c
 axis.axline((1, 1), slope=1, color="k", linewidth=1)
 axis.set(xlabel="area by the solver [%]", ylabel="area by the surrogate [%]")
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its numbers.
+
+np.testing.assert_allclose(error, 0.017, atol=0.01)
+np.testing.assert_allclose(inside, 0.9, atol=0.1)

@@ -50,3 +50,8 @@ right.axhline(PERSSON, color="k", linestyle=":", label="Persson, at light load")
 right.set(xlabel="p / (E* h')", ylabel="kappa: area / (p / (E* h'))", ylim=(0, 3))
 right.legend()
 plt.show()
+
+# %%
+# Every build of the manual holds this example to its number.
+
+np.testing.assert_allclose(kappa, 2.476, rtol=5e-3)

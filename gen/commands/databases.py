@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from gen import options
 from gen.runtime import farm
 from gen.runtime.command_line import Trust
@@ -15,8 +17,12 @@ from gen.runtime.files import Output, check_outputs, require_writable
 from gen.runtime.terminal import command_to_type, echo, quoted
 
 if TYPE_CHECKING:  # each command imports no more than it needs
+    from collections.abc import Mapping, Sequence
+
     from gen.generation.check import Fault
+    from gen.generation.means import PopulationMean
     from gen.generation.run import RunResult
+    from gen.scene import ExpectedMean
 
 
 def run(
@@ -184,16 +190,68 @@ def columns() -> None:
 
 
 def check(
-    file: options.Database,
+    context: typer.Context,
+    file: options.DatabaseOrScene,
     recompute: options.Recompute = 16,
     seed: options.Seed = 0,
     repair: options.Repair = False,
+    surfaces: options.FirstSurfaces = 64,
+    expect: options.Expect = False,
     trust: Trust = False,
 ) -> int:
     """Check the statuses, checksums, values and plan of all rows, and compute N rows again.
 
-    The exit code is 0 if the database has no fault or all faults have been repaired, otherwise 1.
+    The means of all done rows are compared with those in the table [expect] of the scene, if it has
+    one. FILE may also be a scene, whose first surfaces are computed and compared. The exit code is
+    0 if the database has no fault or all faults have been repaired, and all means are as expected;
+    otherwise 1.
     """
+    if _is_scene(file):
+        options.refuse(context, options.NOT_WITH_SCENE, "a scene")
+        return _check_scene(file, surfaces, expect=expect)
+    options.refuse(context, options.NOT_WITH_DATABASE, "a database")
+    return _check_database(Path(file), recompute, seed, repair=repair, expect=expect)
+
+
+def _is_scene(text: str) -> bool:
+    """Tell whether a word names a TOML file, or a shipped scene and no file."""
+    from gen.scene import preset_names
+
+    path = Path(text)
+    if path.suffix.lower() == ".toml":
+        return True
+    return text in preset_names() and not path.exists()
+
+
+def _check_scene(name: str, surfaces: int, *, expect: bool) -> int:
+    """Compute the first surfaces of a scene, and compare means with its table `[expect]`.
+
+    With `expect`, print the means as such a table. Return the exit code. Raises InputError if
+    there is nothing to compare and no table to print.
+    """
+    from gen.generation.completion import completed, load_scene
+    from gen.generation.means import means_of_scene, proposed_columns
+
+    scene = load_scene(name)
+    if scene.expect is None and not expect:
+        raise InputError(
+            f"{name}: the scene has no table [expect], with which its means are compared; --expect"
+            " prints one"
+        )
+    scene = completed(scene, watched=True)
+    proposed = proposed_columns(scene) if expect else []
+    names = list(dict.fromkeys([*(scene.expect or {}), *proposed]))
+    means = means_of_scene(scene, surfaces, names)
+    is_met = _print_compared(name, scene.expect, means)
+    if expect:
+        _print_table_of(means, proposed)
+    return 0 if is_met else 1
+
+
+def _check_database(
+    file: Path, recompute: int, seed: int, *, repair: bool, expect: bool
+) -> int:
+    """Check a database as `check` says, and return the exit code."""
     from gen.database import Reader, lock
     from gen.schema import made_by_other_solver
 
@@ -220,8 +278,57 @@ def check(
             f"{file}: sound; {counts.done} rows done, {counts.failed} failed, {counts.pending}"
             f" pending; {compared} of them computed again, {equal}"
         )
+    is_met = _print_means(file, expect=expect)
     _print_doubts(file)
-    return 1 if faults else 0
+    return 0 if is_met and not faults else 1
+
+
+def _print_means(file: Path, *, expect: bool) -> bool:
+    """Compare means of a database with those that its scene expects, and tell whether they agree.
+
+    With `expect`, the means are printed as a table `[expect]` too.
+    """
+    from gen.database import Reader
+    from gen.generation.means import means_of_database, proposed_columns
+    from gen.scene import require_expected_columns
+
+    with Reader(file) as reader:
+        scene = reader.scene
+        if scene.expect is None and not expect:
+            return True
+        require_expected_columns(scene)
+        proposed = proposed_columns(scene) if expect else []
+        names = list(dict.fromkeys([*(scene.expect or {}), *proposed]))
+        means = means_of_database(reader, names)
+    is_met = _print_compared(file, scene.expect, means)
+    if expect:
+        _print_table_of(means, proposed)
+    return is_met
+
+
+def _print_compared(
+    place: Path | str,
+    expected: "Mapping[str, ExpectedMean] | None",
+    means: "Sequence[PopulationMean]",
+) -> bool:
+    """Print each expected mean beside the one of the rows, and tell whether all agree.
+
+    `place` is the file or scene that the lines name.
+    """
+    from gen.generation.means import compared_means
+
+    compared = compared_means(expected or {}, means)
+    for mean in compared:
+        echo(f"{place}: {mean.in_words}")
+    return all(mean.is_met for mean in compared)
+
+
+def _print_table_of(means: "Sequence[PopulationMean]", names: "Sequence[str]") -> None:
+    """Print those of the means that have these names as a table `[expect]` in TOML."""
+    from gen.generation.means import toml_of
+
+    for line in toml_of([mean for mean in means if mean.column in names]):
+        echo(line)
 
 
 def _print_faults(file: Path, recompute: int, seed: int) -> "list[Fault]":

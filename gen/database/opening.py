@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from shlex import quote
 from typing import Any, NamedTuple
 
 import h5py
@@ -470,6 +471,6 @@ def require_scene(
     if physics != PHYSICS and not force:
         raise InputError(
             f"{path} holds results of physics {physics}, this version computes physics {PHYSICS}; "
-            f"give another name to make it anew, or have rows of both in one file by"
-            f" {command_to_type('gen run')} --force"
+            f"make it anew: {command_to_type('gen run')} {quote(str(path))} -o NEW.h5, "
+            f"or have rows of both in one file by {command_to_type('gen run')} --force"
         )

@@ -382,7 +382,10 @@ def fit_population(
         for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
         for imperfection in separated_map.imperfections
     )
-    curves = [HeightCurve.of(textures), HeightCurve.by_slopes(textures, spacing)]
+    curves = [HeightCurve.of(textures)]
+    by_slopes = HeightCurve.by_slopes(textures, spacing)
+    if by_slopes is not None and by_slopes.has_bearing_heights_of(curves[0]):
+        curves.append(by_slopes)
     populations = [
         _population(
             maps=maps,
@@ -395,7 +398,6 @@ def fit_population(
             remarks=(),
         )
         for curve in curves
-        if curve is not None
     ]
     scaled_maps = [
         heights * (rms_height / rms_height_of_map)

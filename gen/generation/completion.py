@@ -25,7 +25,7 @@ from gen.quantities import LOADS, PRESSURE, PURE, Powers
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, time_limit
 from gen.runtime.user_code import load_function, source_hash
-from gen.scene import Scene, load, require_distinct_names
+from gen.scene import Scene, load, require_distinct_names, require_expected_columns
 
 TRIED_ROWS = 16
 """Number of first rows among which a row with a solution is looked for, to try a function on it."""
@@ -222,11 +222,13 @@ def completed(
     ------
     InputError
         If the scene names a file that is missing, if a parameter or an output has the name of
-        something else, if the outputs stay unknown, or if no grid gives the accuracy.
+        something else, if the scene expects the mean of a column that it does not have, if the
+        outputs stay unknown, or if no grid gives the accuracy.
     SourceError
         If a function of the user's fails or is not trusted. It is a kind of InputError.
     """
     require_distinct_names(scene)
+    require_expected_columns(scene)
     if recorded is not None:
         scene = scene.with_accuracy_of(recorded)
     elif scene.needs_trial:
@@ -247,7 +249,9 @@ def completed(
     if scene.store.outputs is not None and not rehearsed:
         return scene
     scene = _with_outputs(scene, limit)
-    require_distinct_names(scene)  # now with the names of the outputs
+    # Checked again with the names of the outputs.
+    require_distinct_names(scene)
+    require_expected_columns(scene)
     if rehearsed:
         powers = measured_powers(scene, limit)
         scene = _storing(scene, powers=powers or None)  # an empty table is left out

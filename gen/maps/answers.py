@@ -13,6 +13,7 @@ from gen.material import LAYER_COLUMNS, columns_of_layer, require_within
 from gen.quantities import (
     CONDUCTANCE,
     CONTINUUM,
+    MEAN_GAP,
     QUANTITIES,
     SIDES,
     Media,
@@ -248,6 +249,8 @@ def _answers_of_quantity(
 ) -> list[Answer]:
     """Return the answer about a quantity as a list (of three for the area in the continuum)."""
     value = quantity.of(contact, media)
+    if quantity is MEAN_GAP and contact.contact_nodes == contact.pressure.size:
+        value = 0.0  # full contact leaves no gap: the mean is rounding, some 1e-16 um
     if quantity.code:
         value = _sides_in_words(int(value))
     if quantity is CONTINUUM:

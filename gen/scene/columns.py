@@ -303,6 +303,58 @@ def require_distinct_names(scene: Scene) -> None:
             )
 
 
+NOT_AVERAGED = frozenset(("status", "reason", "surface"))
+"""Columns of numbers that are codes or indices, so that they have no mean."""
+
+
+def averaged_columns(scene: Scene) -> tuple[Column, ...]:
+    """Return the columns of a scene whose means its table `[expect]` may have.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the database.
+
+    Returns
+    -------
+    tuple of Column
+        The deterministic columns of one number a row that are no codes or indices, in the order of
+        the file. Outputs of a user's function are among them if they are known.
+    """
+    left_out = {*NOT_AVERAGED, *scene.surface.PLACES}
+    return tuple(
+        column
+        for column in columns_for(scene)
+        if column.deterministic and not column.shape_of and column.name not in left_out
+    )
+
+
+def require_expected_columns(scene: Scene) -> None:
+    """Refuse means of columns that a scene does not have, or that have no mean.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the database. If the outputs of its function are not known yet, they may be any.
+
+    Raises
+    ------
+    InputError
+        If there is no such column. The message has its name, and those that may be given.
+    """
+    if scene.expect is None:
+        return
+    if scene.store.function is not None and scene.store.outputs is None:
+        return
+    names = [column.name for column in averaged_columns(scene)]
+    for name in scene.expect:
+        if name not in names:
+            raise InputError(
+                f"expect.{name}: rows of this scene have no such number; give one of"
+                f" {', '.join(names)}"
+            )
+
+
 def row_bytes(scene: Scene) -> int:
     """Compute the size of one row of a scene's new database, with all columns.
 

@@ -25,6 +25,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.accuracy import Accuracy, completed_for_accuracy
+from gen.scene.expect import MEANS, Expect
 from gen.scene.faults import Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
@@ -32,7 +33,7 @@ from gen.surface import DisplacedSurface, GeneratedSurface, Grid, Patch
 THINNEST = 0.2
 """Least thickness of a layer on a free patch, over the larger spacing of the nodes [1]."""
 
-INERT = {"samples", "title", "creator", "licence"}
+INERT = {"samples", "title", "creator", "licence", "expect"}
 """Keys of a scene that change no row of its database."""
 
 LARGEST_FILE = 200_000
@@ -76,6 +77,8 @@ class Scene(Table):
     # Without this table the nodes and the tolerance are those that the scene gives.
     accuracy: Accuracy | None = Field(default=None, description="a table [accuracy]")
     store: Store = Field(default=Store(), description="a table [store]")
+    # Means that `gen check` compares with the rows. The text of a scene leaves out None.
+    expect: Expect | None = Field(default=None, description=MEANS)
 
     @model_validator(mode="before")
     @classmethod
@@ -402,6 +405,8 @@ class Scene(Table):
         if nodes is not None:
             surface["nodes"] = nodes
             content.pop("accuracy", None)  # the user has chosen the grid
+        if values or nodes is not None:
+            content.pop("expect", None)  # the population is another one
         if seed is not None:
             content["seed"] = seed
         return self.from_text(json.dumps(content), "the values asked for")

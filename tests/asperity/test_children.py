@@ -123,11 +123,8 @@ def started(pid):
     return False
 
 
-LATER = pytest.param(signal.SIGTERM, marks=[pytest.mark.long])
-
-
-@pytest.mark.few(1)
-@pytest.mark.parametrize("number", [signal.SIGINT, LATER])
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_the_process_of_fits_starts_is_no_lack_of_memory(
     number, small, here
 ):

@@ -214,6 +214,15 @@ def test_where_waves_have_many_nodes_two_trials_suffice(boundary):
     assert contact.budget.nodes[0] < 144
 
 
+def test_many_waves_on_a_patch_begin_on_fewer_nodes_in_a_wave():
+    heights = random_waves(1, 6, 0.8, 0)(192)
+    settings = {"pressure": 0.01, "boundary": "periodic"}
+    alone = bem.solve_within(heights, 1.0, 0.01, **settings)
+    of_sixteen = bem.solve_within(np.tile(heights, (4, 4)), 4.0, 0.01, **settings)
+    first_nodes = alone.budget.trials[0].nodes[0]
+    assert of_sixteen.budget.trials[0].nodes[0] < 4 * first_nodes
+
+
 def test_a_map_that_is_far_from_the_error_is_refused_on_fewer_nodes():
     heights = random_waves(1, 6, 0.8, 0)(192)
     with pytest.raises(bem.NotReachable, match="all nodes were not expected") as info:
@@ -387,7 +396,9 @@ def test_a_flat_map_without_edges_touches_everywhere(boundary):
 def test_loads_on_one_prepared_surface_transform_its_map_once(monkeypatch):
     surface = bem.Surface(map_of_waves(96, "periodic"), 1.0, boundary="periodic")
     surface.solve_within(0.05, pressure=0.01)
-    monkeypatch.setattr("scipy.fft.rfft", lambda *_, **__: pytest.fail("a transform"))
+    monkeypatch.setattr(
+        "bem.coarsening.row_transform", lambda *_: pytest.fail("a transform")
+    )
     surface.solve_within(0.05, pressure=0.012)
 
 

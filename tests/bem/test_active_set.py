@@ -45,7 +45,7 @@ def assert_is_the_solution(contact):
     assert reduced(contact).sum() == pytest.approx(pressure.sum(), rel=1e-8)
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(
     kind=st.sampled_from(list(SURFACES)),
     seed=st.integers(0, 2**32 - 1),

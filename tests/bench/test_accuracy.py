@@ -10,6 +10,7 @@ import pytest
 from bench.accuracy import asked, full_grid, promises, summary, surfaces, times
 from bench.accuracy.surfaces import KINDS, MARGIN, MeasuredMap, read_maps, window_of_map
 from bench.accuracy.times import Rough, Solved, extrapolated
+from bench.answers import times_of_others
 from bench.commands import main
 from bench.peers import PERIODIC_SOLVERS
 from bench.solvers.solver import Answer, Case, Failure, Solver
@@ -155,6 +156,26 @@ def test_each_other_solver_is_judged_by_what_was_measured_of_it():
     assert "time of A, measured" in of_a["promise"]
     assert (of_a["measured"], of_a["number"], of_a["kept"]) == (29.0, 2, "no")
     assert of_b["kept"] == "yes"
+
+
+def test_the_fastest_other_solver_is_that_of_all_surfaces_and_not_of_the_measured_ones():
+    rows = [
+        {
+            "within_percent": within,
+            "way": way,
+            "all_surfaces": "3",
+            "all_times_ours": times_of_all,
+            "measured_times_ours": "10.0",
+            "extrapolated_surfaces": extrapolated_surfaces,
+        }
+        for within in ("1.0", "3.0")
+        for way, times_of_all, extrapolated_surfaces in (
+            ("A", "40.0", "1"),
+            ("B", "50.0", "0"),
+        )
+    ]
+    answer = times_of_others(rows)
+    assert "40 times for 1 % (A, 3 surfaces, 1 of them extrapolated)" in answer
 
 
 def test_a_larger_grid_is_extrapolated_by_the_spacing_and_a_power_of_the_nodes():

@@ -158,6 +158,7 @@ def test_any_number_of_ranks_gives_the_same_bytes(folder, ranks):
     )  # in a single run one worker may do all in its time
 
 
+@pytest.mark.long
 def test_a_function_may_print(folder, tmp_path):
     user_functions.write(tmp_path, text("python"), PRINTING)
     done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)

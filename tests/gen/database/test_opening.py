@@ -63,7 +63,9 @@ def of_lower_physics(path, monkeypatch):
 def test_a_run_of_other_physics_is_refused(of_lower_physics):
     before = of_lower_physics.read_bytes()
     stored, computed = f"physics {PHYSICS}", f"physics {PHYSICS + 1}"
-    words = rf"{stored}, this version computes {computed}; give another name .* gen run --force"
+    words = (
+        rf"{stored}, this version computes {computed}; make it anew: .* gen run --force"
+    )
     with pytest.raises(InputError, match=words):
         open_or_create(of_lower_physics, small())
     assert of_lower_physics.read_bytes() == before

@@ -38,6 +38,13 @@ def test_the_spacing_is_that_of_each_axis():
     assert np.abs(fitted.heights - isotropic.heights).max() > 1e-3
 
 
+def test_curves_agree_up_to_a_difference_of_the_highest_nodes():
+    curve = HeightCurve.of([made(seed=4)])
+    for factor, agrees in ((1.1, True), (1.2, False)):
+        other = HeightCurve(scores=curve.scores, heights=factor * curve.heights)
+        assert other.has_bearing_heights_of(curve) == agrees
+
+
 def test_a_map_that_is_flat_at_a_height_has_no_curve_by_slopes():
     heights = made()
     heights[:, :40] = heights.max() + 1.0

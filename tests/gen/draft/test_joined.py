@@ -8,7 +8,7 @@ import pytest
 from joined_scans import HEIGHTS, save_scans, scans
 
 from gen import cli
-from gen.draft.joined import MOST_NODES, join_in_bands
+from gen.draft.joined import MOST_NODES, join_in_bands, judged_scan, surface_at_nodes
 from gen.draft.populations import FittedMap, fit_joined
 from gen.maps.joining import join
 from gen.maps.read import Topography
@@ -76,6 +76,34 @@ def test_waves_that_do_not_fit_into_the_period_are_left_out_and_named():
     assert "waves of 1.02e+03 to 5.12e+03 um are left out" in remark
 
 
+@pytest.mark.parametrize(
+    ("spacing", "shape"), [((1.0, 1.0), (40, 30)), ((2.0, 3.0), (20, 10))]
+)
+def test_a_surface_at_other_nodes_is_that_at_its_nodes(population, spacing, shape):
+    fine_shape = tuple(
+        int((n - 1) * step) + 2 for n, step in zip(shape, spacing, strict=True)
+    )
+    surface = generate_like(population, fine_shape, (320, 320), np.random.default_rng(2))
+    heights = surface_at_nodes(population, shape, spacing, np.random.default_rng(2))
+    expected = surface[:: int(spacing[0]), :: int(spacing[1])][: shape[0], : shape[1]]
+    np.testing.assert_allclose(heights, expected, rtol=0, atol=1e-12)
+
+
+def test_between_nodes_heights_are_interpolated_linearly(population):
+    surface = generate_like(population, (6, 3), (320, 320), np.random.default_rng(2))
+    heights = surface_at_nodes(population, (9, 2), (0.5, 1.0), np.random.default_rng(2))
+    np.testing.assert_allclose(
+        heights[1::2], (surface[:4, :2] + surface[1:5, :2]) / 2, atol=1e-12
+    )
+
+
+def test_the_widest_scan_that_can_be_made_judges(joined):
+    assert judged_scan(joined).name == "coarse"
+    coarse, _, fine = scans()
+    wide = replace(coarse, sides=(16 * 954.0, 16 * 954.0))
+    assert judged_scan(join([wide, fine])).name == "fine"
+
+
 @pytest.mark.long
 def test_the_command_writes_a_scene_of_the_joined_spectrum(here, capsys):
     files = [word for name in save_scans(here) for word in ("--like", name)]
@@ -83,6 +111,7 @@ def test_the_command_writes_a_scene_of_the_joined_spectrum(here, capsys):
     assert cli.main(line) == 0
     output = capsys.readouterr().out
     assert "fine.txt: waves of 53.33 to 4 um (limit: nodes)" in output
+    assert "surfaces at the nodes of coarse.txt over the map, 160 x 160 nodes" in output
     scene = Scene.parse(Path("joined.toml").read_text(), "joined.toml")
     assert scene.surface.generator == "like"
     text = Path("joined.population.json").read_text()

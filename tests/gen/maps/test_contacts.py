@@ -57,6 +57,15 @@ def test_the_flattened_surface_lies_below_by_the_depth_that_is_told(surface):
     assert depth.max() == pytest.approx(told, rel=1e-9)
 
 
+def test_full_contact_has_no_gap(surface):
+    """The mean of a gap that is 0 up to rounding is told as 0."""
+    full = ["--pressure", "1", "--e-star", "1e-3", "--boundary", "mirror"]
+    assert press(surface, *full, "--csv", "full.csv") == 0
+    row = pd.read_csv("full.csv").iloc[0]
+    assert row.area_percent == 100.0
+    assert row.mean_gap_um == 0.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

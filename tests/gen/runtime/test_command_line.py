@@ -83,36 +83,28 @@ STREAMS = {
 """How a shell is told, and the exit code: what a run prints last is its output."""
 
 
-@pytest.fixture(scope="module")
-def ended(tmp_path_factory):
-    """Folder, and (code, standard error) of all runs, which take their start-up side by side."""
-    folder = tmp_path_factory.mktemp("streams")
-    (folder / "scene.toml").write_text("samples = 4\n[surface]\nnodes = 9\n")
-    runs = {}
-    for name, (redirected, _) in STREAMS.items():
-        read, write = os.pipe()
-        os.close(read)
-        run = shlex.join(command(0, "run", "scene.toml", "-o", f"{name}.h5"))
-        runs[name] = subprocess.Popen(
-            ["sh", "-c", f"exec {run} {redirected}"],
-            cwd=folder,
-            env=environment(),
-            stdout=write if name == "no reader" else subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        os.close(write)
-    said = {name: run.communicate(timeout=TIMEOUT)[1] for name, run in runs.items()}
-    return folder, {name: (runs[name].returncode, said[name]) for name in runs}
-
-
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", STREAMS)
-def test_what_nobody_reads_ends_no_run(ended, name):
-    folder, ends = ended
-    code, said = ends[name]
-    assert (status(folder / f"{name}.h5") == 1).all()
-    assert code == STREAMS[name][1], said
+def test_what_nobody_reads_ends_no_run(tmp_path, name):
+    redirected, code = STREAMS[name]
+    (tmp_path / "scene.toml").write_text("samples = 4\n[surface]\nnodes = 9\n")
+    run = shlex.join(command(0, "run", "scene.toml", "-o", "rows.h5"))
+    read, write = os.pipe()
+    os.close(read)
+    ended = subprocess.run(
+        ["sh", "-c", f"exec {run} {redirected}"],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=write if name == "no reader" else subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+    os.close(write)
+    said = ended.stderr
+    assert (status(tmp_path / "rows.h5") == 1).all()
+    assert ended.returncode == code, said
     assert "Traceback" not in said
     assert "Exception" not in said
     if name == "full output":

@@ -316,6 +316,20 @@ def test_of_long_candidates_a_choice_judges_the_optimum_and_the_best_other_one_o
     assert (search.fault, search.report().enough) == ("", 2)
 
 
+@pytest.mark.parametrize(("longest", "is_followed"), [(300.0, True), (0.0, False)])
+def test_a_choice_follows_its_winner_beyond_an_end_unless_its_fits_are_long(
+    longest, is_followed, searching, monkeypatch
+):
+    monkeypatch.setattr(searches, "LONGEST", longest)
+    search = searching("decision-tree", SPACE)
+    search = replace(search, training=levels(720), baseline={"max_depth": 1})
+    deep = search.grid.name_of({"max_depth": 30, "min_samples_leaf": 1})
+    search = replace(search, optimum=deep)
+    search.choose(10)
+    assert (len(search.grid.candidates) > 15) is is_followed
+    assert ("max_depth" in search.report().ends) is not is_followed
+
+
 def test_steps_on_few_rows_train_perceptrons_for_fewer_epochs(searching, monkeypatch):
     from sklearn.neural_network import MLPRegressor
 
