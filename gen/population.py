@@ -79,8 +79,10 @@ class SourceMap:
 class Part:
     """What a part of a map has of its own."""
 
-    # logarithms of its spectral density over that of the population, at `Parts.waves` [1]
-    ratios: Row
+    # logarithms of its spectral density over that of the population, at `Parts.waves`, for waves
+    # along x and along y [1]
+    ratios_x: Row
+    ratios_y: Row
     heights: Curve  # its heights about their mean at `Parts.scores`, rising [um]
 
 
@@ -90,7 +92,7 @@ class Parts:
     """Parts of maps that differ from each other more than surfaces of the population do."""
 
     nodes: tuple[Count, Count]  # nodes of each part along x and y
-    waves: Bands  # rising wavenumbers, along any direction [1/um]
+    waves: Bands  # rising wavenumbers [1/um]
     scores: Curve  # rising normal scores [1]
     members: Annotated[tuple[Part, ...], Field(min_length=1, max_length=MOST_PARTS)]
 
@@ -288,8 +290,10 @@ def _require_consistent_parts(parts: Parts, source: str) -> None:
         if (np.diff(numbers) <= 0).any() or (name == "waves" and numbers[0] <= 0):
             raise InputError(f"{source}: parts.{name}: do not rise")
     for part in parts.members:
-        if len(part.ratios) != len(parts.waves) or len(part.heights) != len(parts.scores):
-            raise InputError(f"{source}: parts: not as many numbers as waves and scores")
+        if {len(part.ratios_x), len(part.ratios_y)} != {len(parts.waves)}:
+            raise InputError(f"{source}: parts: not as many ratios as waves")
+        if len(part.heights) != len(parts.scores):
+            raise InputError(f"{source}: parts: not as many heights as scores")
         if (np.diff(part.heights) < 0).any() or part.heights[0] == part.heights[-1]:
             raise InputError(f"{source}: parts: heights do not rise")
 
@@ -443,22 +447,55 @@ def _amplitudes(population: Population, period: tuple[int, int]) -> Values:
     return np.asarray(nx * ny * np.sqrt(powers / total_power(powers)))
 
 
-@functools.lru_cache(maxsize=4)
-def _positions_between_waves(
-    waves: tuple[float, ...], spacing: tuple[float, float], period: tuple[int, int]
-) -> Values:
-    """Return positions of all waves of a period in a table over wavenumbers, shape of `rfft2`.
+@dataclass(frozen=True, eq=False)
+class _PartWaves:
+    """Where the waves of a period are in the tables of `Parts`, each of the shape of `rfft2`."""
 
-    `waves` are the wavenumbers of the table [1/um]. Positions count its entries, and are linear in
-    the logarithm of the wavenumber between them.
+    below: NDArray[
+        np.intp
+    ]  # number of the last wavenumber of the table that is not larger
+    share: Values  # share of the step to the next one, in the logarithm of the wavenumber [1]
+    along_x: Values  # square of the cosine of the angle between wavevector and x [1]
+
+    def interpolated(self, part: Part) -> Values:
+        """Return logarithms of the ratio of a part's spectral density to the population's [1].
+
+        They are interpolated between those along x and along y by the square of the cosine.
+        """
+        ratios_x = self._at_wavenumbers(part.ratios_x)
+        ratios_y = self._at_wavenumbers(part.ratios_y)
+        ratios_x -= ratios_y
+        ratios_x *= self.along_x
+        ratios_x += ratios_y
+        return ratios_x
+
+    def _at_wavenumbers(self, table: tuple[float, ...]) -> Values:
+        """Interpolate a table over `Parts.waves` at the wavenumbers of all waves."""
+        numbers = np.array(table)
+        steps = np.diff(numbers)
+        interpolated = steps.take(self.below)
+        interpolated *= self.share
+        interpolated += numbers.take(self.below)
+        return np.asarray(interpolated)
+
+
+@functools.lru_cache(maxsize=4)
+def _part_waves(
+    wavenumbers: tuple[float, ...], spacing: tuple[float, float], period: tuple[int, int]
+) -> _PartWaves:
+    """Find the waves of a period with the nodes `period` in a table over wavenumbers [1/um].
+
+    `spacing` is the distance of the nodes along x and y [um].
     """
-    nx, ny = period
-    qx = 2 * math.pi * np.fft.fftfreq(nx, spacing[0])
-    qy = 2 * math.pi * np.fft.rfftfreq(ny, spacing[1])
+    qx = 2 * math.pi * np.fft.fftfreq(period[0], spacing[0])[:, None]
+    qy = 2 * math.pi * np.fft.rfftfreq(period[1], spacing[1])[None, :]
     # The mean of the heights is no wave: any number above 0 stands for its wavenumber.
-    wavenumbers = np.maximum(np.hypot(qx[:, None], qy[None, :]), waves[0])
-    positions = np.interp(np.log(wavenumbers), np.log(waves), np.arange(len(waves)))
-    return np.asarray(positions)
+    lengths = np.maximum(np.hypot(qx, qy), math.ulp(0.0))
+    positions = np.interp(
+        np.log(lengths), np.log(wavenumbers), np.arange(len(wavenumbers))
+    )
+    below = np.minimum(positions.astype(np.intp), len(wavenumbers) - 2)
+    return _PartWaves(below=below, share=positions - below, along_x=(qx / lengths) ** 2)
 
 
 def _field(
@@ -538,8 +575,7 @@ def _like_part(
 
     It is cut out of a period with the nodes `period`. The call moves the state of `random`.
     """
-    positions = _positions_between_waves(parts.waves, population.spacing, period)
-    logarithms = np.interp(positions, np.arange(len(parts.waves)), part.ratios)
+    logarithms = _part_waves(parts.waves, population.spacing, period).interpolated(part)
     amplitudes = _amplitudes(population, period) * np.exp(logarithms / 2)
     nx, ny = parts.nodes
     field = _field(amplitudes, period, random)[:nx, :ny]

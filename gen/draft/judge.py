@@ -125,10 +125,9 @@ class Ratio:
         """
         from scipy.special import stdtrit
 
-        deviations = stdtrit(surfaces - 1, (1 + EXPLAINED) / 2) * math.sqrt(
-            1 + 1 / surfaces
-        )
-        return not abs(self.mean - 1) <= deviations * self.deviation
+        quantile = float(stdtrit(surfaces - 1, (1 + EXPLAINED) / 2))
+        explained = quantile * math.sqrt(1 + 1 / surfaces) * self.deviation
+        return not abs(self.mean - 1) <= explained
 
     def moved(self, deviations: float) -> Ratio:
         """Return the ratio with another mean of the surfaces.
@@ -144,6 +143,8 @@ class Ratio:
         Ratio
             The moved ratio, with the same standard deviation.
         """
+        if math.isnan(self.mean):
+            return self
         difference = max(0.0, abs(self.mean - 1) + deviations * self.deviation)
         mean = 1 + math.copysign(difference, self.mean - 1)
         if not mean > 0:

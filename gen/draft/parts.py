@@ -112,8 +112,9 @@ def compare_ranges(
     names = list(describe(parts[0], spacing).values)
     of_parts = _statistics(parts, spacing)
     of_patches = _statistics(patches, spacing)
-    low = np.nanmin(of_patches, axis=0)
-    high = np.nanmax(of_patches, axis=0)
+    # These ignore NaN. A statistic that is undefined everywhere flags no part.
+    low = np.fmin.reduce(of_patches, axis=0)
+    high = np.fmax.reduce(of_patches, axis=0)
     margin = margins(low, high, np.zeros(len(names), dtype=np.bool_))
     is_outside = outside(of_parts, low, high, margin)
     shares = is_outside.mean(axis=0)
@@ -196,57 +197,89 @@ def _fitted_parts(
     parts: Sequence[Heights], patches: Sequence[Heights], spacing: Sides
 ) -> Parts:
     """Return spectra and heights of parts [um], compared with surfaces of the population [um]."""
-    nodes = parts[0].shape
-    grid = WaveGrid(shape=(nodes[0], nodes[1]), spacing=spacing)
+    nodes_x, nodes_y = parts[0].shape
+    grid = WaveGrid(shape=(nodes_x, nodes_y), spacing=spacing)
     rings = _Rings.of(grid)
     of_patches = np.mean(
         [rings.log_means(patch, grid) for patch in patches[:COMPARED]], axis=0
     )
+    members = []
     curves = [HeightCurve.of([part - part.mean()]) for part in parts]
+    for part, curve in zip(parts, curves, strict=True):
+        along_x, along_y = _along_axes(rings.log_means(part, grid) - of_patches)
+        members.append(
+            Part(
+                ratios_x=_rounded_numbers(along_x),
+                ratios_y=_rounded_numbers(along_y),
+                heights=_rounded_numbers(curve.heights),
+            )
+        )
     return Parts(
         nodes=grid.shape,
-        waves=tuple(rounded(wave, DIGITS) for wave in rings.middles),
-        scores=tuple(rounded(score, DIGITS) for score in curves[0].scores),
-        members=tuple(
-            Part(
-                ratios=tuple(
-                    rounded(ratio, DIGITS)
-                    for ratio in rings.log_means(part, grid) - of_patches
-                ),
-                heights=tuple(rounded(height, DIGITS) for height in curve.heights),
-            )
-            for part, curve in zip(parts, curves, strict=True)
-        ),
+        waves=_rounded_numbers(rings.middles),
+        scores=_rounded_numbers(curves[0].scores),
+        members=tuple(members),
     )
+
+
+def _rounded_numbers(numbers: Values) -> tuple[float, ...]:
+    """Return numbers with `DIGITS` significant digits."""
+    return tuple(rounded(number, DIGITS) for number in numbers)
+
+
+def _along_axes(of_sectors: Values) -> Values:
+    """Return ratios for waves along x and along y, (2, rings), from means of two sectors [1].
+
+    A sector has the waves that are nearer to x, or nearer to y. Between the axes, ratios follow the
+    square of the cosine of the angle, whose mean over the nearer sector is 1/2 + 1/pi.
+    """
+    near = 0.5 + 1 / math.pi
+    to_sectors = np.array([[near, 1 - near], [1 - near, near]])
+    return np.asarray(np.linalg.solve(to_sectors, of_sectors))
 
 
 @dataclass(frozen=True, eq=False)
 class _Rings:
-    """Rings of waves around the origin, whatever the direction of the waves is."""
+    """Rings of waves around the origin, each in two sectors: waves nearer to x, and nearer to y."""
 
     middles: Values  # wavenumber of each ring, rising, shape (rings,) [1/um]
-    ring_of_wave: NDArray[np.int64]  # number of the ring of each wave, shape of `rfft2`
+    # number of the sector of each wave, shape of `rfft2`: first those nearer to x, ring by ring
+    sector_of_wave: NDArray[np.int64]
 
     @classmethod
     def of(cls, grid: WaveGrid) -> _Rings:
-        """Return rings for all waves of a period; each has at least one wave."""
-        wavenumbers = np.hypot(grid.qx[:, None], grid.qy[None, :])
-        smallest = wavenumbers[wavenumbers > 0].min()
-        exponents = np.log(np.maximum(wavenumbers, smallest) / smallest)
-        numbers = np.floor(exponents / math.log(RING_RATIO)).astype(np.int64)
+        """Return rings for all waves of a period."""
+        qx = np.abs(grid.qx)[:, None]
+        qy = grid.qy[None, :]
+        wavenumbers = np.hypot(qx, qy)
+        # The first ring has all waves of up to about two periods along the shorter side: a ring of
+        # longer ones only would have none in one of its sectors.
+        smallest = 2 * max(grid.qx[1], grid.qy[1])
         # The corners of the plane belong to the last ring that reaches the nearer axis.
-        largest = min(grid.qx.max(), grid.qy.max())
-        last = int(np.log(largest / smallest) / math.log(RING_RATIO))
-        present, ring_of_wave = np.unique(np.minimum(numbers, last), return_inverse=True)
-        middles = smallest * RING_RATIO ** (present + 0.5)
-        return cls(middles=middles, ring_of_wave=ring_of_wave.reshape(numbers.shape))
+        largest = max(min(grid.qx.max(), grid.qy.max()), RING_RATIO * smallest)
+        number = max(2, int(math.log(largest / smallest) / math.log(RING_RATIO)))
+        ratio = (largest / smallest) ** (1 / number)
+        with np.errstate(divide="ignore"):
+            exponents = np.log(wavenumbers / smallest) / math.log(ratio)
+        ring_of_wave = np.clip(np.round(exponents), 0, number).astype(np.int64)
+        return cls(
+            middles=smallest * ratio ** np.arange(number + 1),
+            sector_of_wave=ring_of_wave + (number + 1) * (qx < qy),
+        )
 
     def log_means(self, heights: Heights, grid: WaveGrid) -> Values:
-        """Return the logarithm of the mean spectral density of each ring, (rings,) [um^4]."""
+        """Return logarithms of the mean spectral density in both sectors, (2, rings) [um^4].
+
+        A sector without waves, as where spacings along x and y differ much, has the mean of all.
+        """
         densities = periodogram(heights, grid)
         is_wave = np.ones(densities.shape)
         is_wave[0, 0] = 0.0  # the mean of the heights
-        rings = self.ring_of_wave.ravel()
-        sums = np.bincount(rings, (is_wave * densities).ravel())
-        means = sums / np.bincount(rings, is_wave.ravel())
-        return np.asarray(np.log(np.maximum(means, FLOOR * means.max())))
+        sectors = self.sector_of_wave.ravel()
+        number = 2 * self.middles.size
+        sums = np.bincount(sectors, (is_wave * densities).ravel(), number)
+        waves = np.bincount(sectors, is_wave.ravel(), number)
+        mean = sums.sum() / waves.sum()
+        means = np.where(waves > 0, sums / np.maximum(waves, 1.0), mean)
+        logarithms = np.log(np.maximum(means, FLOOR * means.max()))
+        return np.asarray(logarithms.reshape(2, -1))

@@ -21,6 +21,58 @@ def generated(fitted, number=40, shape=(64, 96)):
     ]
 
 
+def parts_of(**changed):
+    """Return the content of one part of 64 x 96 nodes, as in a population's file."""
+    content = {
+        "waves": [0.1, 1.0],
+        "scores": [-3.0, 3.0],
+        "ratios_x": [0.0, 0.0],
+        "ratios_y": [0.0, 0.0],
+        "heights": [-3.0, 3.0],
+    } | changed
+    keys_of_parts = ("waves", "scores")
+    parts = {key: content.pop(key) for key in keys_of_parts}
+    return {"nodes": [64, 96], "members": [content], **parts}
+
+
+def with_part(**changed):
+    """Return a population with one part."""
+    content = json.loads(population().text) | {"parts": parts_of(**changed)}
+    return Population.parse(json.dumps(content), "p.json")
+
+
+def mean_square_slopes(fitted, number=20):
+    """Mean square slopes along x and y of surfaces over their variance."""
+    surfaces = generated(fitted, number)
+    variance = np.mean([surface.var() for surface in surfaces])
+    return [
+        np.mean([np.mean(np.diff(surface, axis=axis) ** 2) for surface in surfaces])
+        / variance
+        for axis in (0, 1)
+    ]
+
+
+def test_a_part_without_a_spectrum_of_its_own_has_that_of_the_population():
+    """Slopes within 10 %; heights have exactly the mean and the deviation of the part."""
+    fitted = with_part(heights=[-6.0, 6.0])
+    assert mean_square_slopes(fitted) == pytest.approx(
+        mean_square_slopes(population()), rel=0.1
+    )
+    for surface in generated(fitted, number=3):
+        assert surface.mean() == pytest.approx(0.0, abs=1e-9)
+        assert surface.std() == pytest.approx(2.0, rel=1e-9)
+
+
+def test_a_part_has_its_short_waves_along_the_axes():
+    """Along x they have a tenth of the power, along y that of the population."""
+    along_x, along_y = mean_square_slopes(population())
+    smooth_x, smooth_y = mean_square_slopes(
+        with_part(ratios_x=[-2.3, -2.3], waves=[0.05, 1.0])
+    )
+    assert smooth_x < 0.6 * along_x
+    assert smooth_y > 1.2 * along_y
+
+
 def test_a_population_is_its_file():
     fitted = population(np.exp)
     parsed = Population.parse(fitted.text, "p.json")
@@ -38,6 +90,11 @@ def test_a_population_is_its_file():
         ({"scores": [0.0, 1.0]}, "not of one length"),
         ({"bands_x": [0.5 + 0.1 * i for i in range(40)]}, "begin at 0"),
         ({"logarithms": [[[0.0]], [[0.0]]]}, "not a table over the bands"),
+        ({"parts": parts_of(waves=[0.2, 0.1])}, "parts.waves: do not rise"),
+        ({"parts": parts_of(ratios_x=[0.0])}, "not as many ratios as waves"),
+        ({"parts": parts_of(heights=[0.0])}, "parts"),
+        ({"parts": parts_of(heights=[1.0, 0.0])}, "heights do not rise"),
+        ({"parts": parts_of() | {"members": []}}, "parts.members"),
         ({"remarks": None}, "remarks"),
         ({"imperfections": [[[1.0, 2.0], [3.0]]]}, "not rectangles"),
         ({"imperfections": [[[1e999]]]}, "imperfections"),

@@ -94,6 +94,7 @@ def test_two_small_differences_are_those_of_another_kind():
         (ratio(1.2, 0.2), False),
         (ratio(1.32, 0.02), False),  # and so is twice the limit
         (ratio(1.5, 0.02), True),
+        (ratio(float("nan"), float("nan")), True),
     ],
 )
 def test_further_surfaces_are_pressed_if_they_could_change_the_verdict(area, clear):
@@ -112,6 +113,10 @@ def test_every_second_node_is_pressed_if_it_has_the_slopes(spacing, nodes):
     judgement = judge_surfaces(heights, (spacing, spacing), smooth, BODIES)
     assert judgement.nodes == nodes
     assert judgement.verdict == "of its kind"
+
+
+def test_a_ratio_without_a_number_stays_so():
+    assert np.isnan(ratio(float("nan"), float("nan")).moved(-1.0).mean)
 
 
 def test_a_ratio_is_that_of_the_mean_with_the_relative_scatter():

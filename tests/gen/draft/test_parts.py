@@ -34,6 +34,7 @@ def of_patchwork():
     return fitted_with_parts(patchwork())
 
 
+@pytest.mark.long
 def test_a_map_that_is_the_same_everywhere_has_no_parts():
     assert fitted_with_parts(made(FINE, seed=5)).parts is None
 
@@ -52,7 +53,7 @@ def test_patches_with_parts_hold_the_parts_of_the_map(of_patchwork):
     windows = cut_parts(patchwork(), NODES)
     without = replace(of_patchwork, parts=None)
     flagged = [
-        compare_ranges(windows, patches_of(population, NODES, 500), SPACING).share
+        compare_ranges(windows, patches_of(population, NODES, 300), SPACING).share
         for population in (without, of_patchwork)
     ]
     assert flagged[0] > 0.5
@@ -63,7 +64,7 @@ def test_surfaces_of_another_kind_are_beyond_the_ranges(of_patchwork):
     """Waves that are twice as long as the longest ones of the map."""
     longer = SelfAffineSpectrum(hurst=0.8, roll_off=80.0, cut_off=24.0)
     other = cut_parts(made(longer, seed=6), NODES)
-    patches = patches_of(of_patchwork, NODES, 500)
+    patches = patches_of(of_patchwork, NODES, 100)
     assert compare_ranges(other, patches, SPACING).share == 1.0
 
 
