@@ -134,7 +134,7 @@ def times_of_others(rows: list[Row]) -> str:
         The answer, for an error of 3 % and one of 1 %; it says on how many of the surfaces the time
         is extrapolated.
     """
-    answers: list[str] = []
+    ratios: list[str] = []
     for percent in (3, 1):
         of_percent = [row for row in rows if float(row["within_percent"]) == percent]
         fastest = min(of_percent, key=lambda row: float(row["all_times_ours"]))
@@ -144,10 +144,10 @@ def times_of_others(rows: list[Row]) -> str:
         basis = f"{fastest['way']}, {surfaces} surfaces"
         if extrapolated:
             basis += f", {extrapolated} of them extrapolated"
-        answers.append(f"{ratio:.2g} times for {percent} % ({basis})")
+        ratios.append(f"{ratio:.2g} times our time for {percent} % ({basis})")
     return (
-        f"The fastest other solver takes so many times our time: {', '.join(answers)}. Ours"
-        " includes the search for the grid and the bar."
+        f"The fastest other solver takes {' and '.join(ratios)}. Our time includes the search"
+        " for the grid and the bar."
     )
 
 

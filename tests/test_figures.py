@@ -24,11 +24,6 @@ from gen.scene import Scene
 from gen.surface import generate
 
 RESULTS = ROOT / "bench" / "results"
-OTHERS = {"bem", "paper's NNLS"}
-"""Solvers in the comparison that are not another program."""
-
-CASE = "nodes", "hurst", "delta_um"
-"""Columns that tell the cases of the comparison apart."""
 
 
 def rows(name: str) -> list[dict[str, str]]:
@@ -94,8 +89,9 @@ def test_a_figure_without_a_source_is_found():
         + "\nIt is 17 times faster, in `3 s`, by 4 %.\n\n    took 5 s\n"
     )
     assert figures_without_a_source("README.md", text) == ["17 times", "4 %"]
-    changed = PAGES["README.md"].replace("jump within 0.1 %", "jump well within 0.1 %")
-    assert figures_without_a_source("README.md", changed) == ["0.1 %"]
+    sphere = "The force on a sphere is within"
+    changed = PAGES["README.md"].replace(sphere, f"{sphere} less than")
+    assert len(figures_without_a_source("README.md", changed)) == 1
 
 
 @pytest.mark.parametrize(
@@ -187,20 +183,11 @@ def test_exponents_are_as_much_smaller_as_is_said():
 
 
 def test_hertz_is_met_as_closely_as_is_said():
-    force, area = (
-        {
-            (row["solution"], row["nodes"]): float(row[name])
-            for row in rows("hertz/hertz.csv")
-            if float(row["delta_um"]) == 1.0
-        }
-        for name in ("force_uN", "area_percent")
-    )
-    said, nodes, _ = stated(
-        "README.md",
-        "force within # % (# nodes a side, # um) | `bench/results/hertz/hertz.csv`",
-    )
-    error = abs(force["uniform-pressure", f"{nodes:.0f}"] / force["hertz", ""] - 1)
-    assert said / 2 < 100 * error <= said
+    area = {
+        (row["solution"], row["nodes"]): float(row["area_percent"])
+        for row in rows("hertz/hertz.csv")
+        if float(row["delta_um"]) == 1.0
+    }
     nodes, said = stated(
         "docs/results/reports.md",
         "paraboloid at # nodes a side, concentrated forces"
@@ -209,19 +196,6 @@ def test_hertz_is_met_as_closely_as_is_said():
     assert said == round(
         100 * (1 - area["concentrated-force", f"{nodes:.0f}"] / area["hertz", ""])
     )
-
-
-def test_laws_are_met_in_calculix_as_closely_as_is_said():
-    (said,) = stated(
-        "README.md",
-        "closure, pressure and temperature jump within # % | `bench/results/calculix",
-    )
-    found = rows("calculix/calculix.csv")
-    off = [
-        abs(float(row[name])) for row in found for name in row if name.endswith("_off")
-    ]
-    assert len(off) == 3 * len(found) > 0
-    assert 100 * max(off) <= said
 
 
 def least(found: list[dict[str, str]], *case: str) -> list[float]:
@@ -238,8 +212,6 @@ def ends(numbers: list[float]) -> list[float]:
 
 
 def test_other_solvers_take_as_long_as_is_said():
-    peers = [row for row in rows("peers/peers.csv") if row["times_ours"]]
-    others = least([each for each in peers if each["solver"] not in OTHERS], *CASE)
     periodic = [
         row
         for row in rows("peers/periodic.csv")
@@ -254,12 +226,6 @@ def test_other_solvers_take_as_long_as_is_said():
     )
     fastest = least(aspher, "nodes", "mean_pressure")
     assert said == pytest.approx([*ends(fastest), *ends(rest)], rel=0.03)
-    said = stated(
-        "README.md",
-        "the fastest takes # to # times our time, on periodic patches # to # times",
-    )
-    everywhere = least(periodic, "nodes", "mean_pressure")
-    assert said == pytest.approx([*ends(others), *ends(everywhere)], rel=0.03)
 
 
 def test_bodies_that_yield_are_compared_as_is_said():

@@ -16,6 +16,9 @@ from pages import PAGES, ROOT, anchors, codes, commands, links, steps
 from typer.main import get_command
 
 import learn.cli
+from bench.answers import FIRST, lines
+from bench.page import PUBLISHED, answer_table
+from bench.report import PARTS
 from gen import cli
 from gen.database import Reader
 from gen.generation.trial import doubts_before
@@ -320,3 +323,8 @@ def _areas_over_pressure(path):
     with path.open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["against"] == "pressure_MPa"]
     return [float(row["area_percent"]) for row in rows if float(row["pressure_MPa"]) > 19]
+
+
+def test_the_readme_has_the_answers_that_the_page_begins_with():
+    table = answer_table(lines(PARTS, PUBLISHED, FIRST))
+    assert table in PAGES["README.md"], f"the table of README.md has to be:\n{table}"

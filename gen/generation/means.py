@@ -92,7 +92,7 @@ class ComparedMean:
         """Both means, and whether they agree, in one line."""
         expected = f"{self.expected.mean:.6g}"
         if self.expected.tolerance:
-            expected += f" to within {self.expected.tolerance:.2g}"
+            expected += f" to within {self.expected.tolerance:.4g}"
         words = f"{self.measured.in_words}; expected {expected}"
         if not self.is_judged:
             return f"{words}: not judged, as two surfaces are needed"

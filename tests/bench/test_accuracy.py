@@ -175,7 +175,7 @@ def test_the_fastest_other_solver_is_that_of_all_surfaces_and_not_of_the_measure
         )
     ]
     answer = times_of_others(rows)
-    assert "40 times for 1 % (A, 3 surfaces, 1 of them extrapolated)" in answer
+    assert "40 times our time for 1 % (A, 3 surfaces, 1 of them extrapolated)" in answer
 
 
 def test_a_larger_grid_is_extrapolated_by_the_spacing_and_a_power_of_the_nodes():
