@@ -90,7 +90,19 @@ class Answer(NamedTuple):
         return self.unit.partition(",")[0]
 
     def in_unit(self, unit: Unit) -> Answer:
-        """Return the same answer in another unit; its column gets the name of this unit."""
+        """Return the same answer in another unit.
+
+        Parameters
+        ----------
+        unit : Unit
+            Unit of the same quantity. The end of the column's name becomes its name.
+
+        Returns
+        -------
+        Answer
+            The answer in this unit: value, error, unit and column are changed. An answer that is
+            text or not known, or has this unit, is returned as it is.
+        """
         if not isinstance(self.value, float) or unit.name == self.unit_alone:
             return self
         old_ending = self.unit_alone.replace("/", "_per_")
