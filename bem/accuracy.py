@@ -452,7 +452,8 @@ class _Search:
         lost = self.coarsening.lost_slope(nodes)
         if lost > MOST_LOST:
             return math.inf
-        # A wave of n nodes, n squared times on the patch, loses the share (pi / n)^2.
+        # A wave of n nodes loses about the share (pi / n)^2, see `Coarsening.lost_slope`. The share
+        # therefore tells how many of the shortest waves are on a side of the patch.
         waves = math.sqrt(math.prod(nodes) * lost) / math.pi
         bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER) * self._factor_of_load
         bar *= math.pow(waves / EXPECTED_WAVES, BY_WAVES)

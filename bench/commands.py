@@ -100,7 +100,7 @@ def run(
 ) -> int:
     """Make all reports, or the named ones, and their page DIR/index.html, which needs no network.
 
-    Reports that take hours, as `nine-models`, are made only if they are named.
+    Reports that take hours, such as `nine-models`, are made only if they are named.
 
     Every part runs as a command of its own, in DIR/PART. A part stays if the same command has made
     it from the same inputs, with the same code and packages: after Ctrl-C the same command goes on.
