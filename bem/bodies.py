@@ -471,18 +471,35 @@ def checked_body(body: Any) -> Body:
     Raises
     ------
     ValueError
-        If it is neither, or one of two bodies is under concentrated forces.
+        If it is neither, one of two bodies is under concentrated forces, or a body of a class of
+        the caller's cannot be hashed or has no modulus E* above 0.
     """
     if isinstance(body, Body):
+        _check_hash_and_modulus(body)
         return body
     if isinstance(body, tuple | list) and len(body) == 2:
         first, second = body
         if _may_be_paired(first) and _may_be_paired(second):
+            _check_hash_and_modulus(first)
+            _check_hash_and_modulus(second)
             return Pair(first, second)
     raise ValueError(
         f"body = {shown(body)}: must be a bem.HalfSpace, a bem.Layered, another bem.Body, or two of"
         " them, (a, b)"
     )
+
+
+def _check_hash_and_modulus(body: Body) -> None:
+    """Refuse a body that cannot be the key of a table, or whose E* is not above 0."""
+    name = type(body).__name__
+    try:
+        hash(body)
+    except TypeError as error:
+        raise ValueError(
+            f"body = a {name}, which cannot be hashed: make the class a frozen dataclass of numbers"
+        ) from error
+    if not body.e_star > 0:
+        raise ValueError(f"e_star of the {name} = {body.e_star}: must be above 0 MPa")
 
 
 def _may_be_paired(body: Any) -> bool:

@@ -451,12 +451,6 @@ def _check_compliance(problem: Problem) -> None:
     """
     if problem.body.is_homogeneous:
         return
-    is_free = problem.boundary == "free"
-    if is_free and math.isinf(largest_wave_number(problem.reduced_body)):
-        raise OutOfRange(
-            "the body changes within a fifth of a cell below its surface, too thin a layer for"
-            " boundary = 'free': use boundary = 'periodic' or 'mirror'"
-        )
     along, across = problem.spacing
     rows, columns = problem.heights.shape
     longest = 2 * max(rows * along, columns * across)
@@ -469,6 +463,12 @@ def _check_compliance(problem: Problem) -> None:
                 f"compliance of the body = {number:g} um/MPa: thickness and moduli must keep it"
                 f" between {NUMBERS[0]:g} and {NUMBERS[1]:g}, within double precision"
             )
+    is_free = problem.boundary == "free"
+    if is_free and math.isinf(largest_wave_number(problem.reduced_body)):
+        raise OutOfRange(
+            "the body changes within a fifth of a cell below its surface, too thin a layer for"
+            " boundary = 'free': use boundary = 'periodic' or 'mirror'"
+        )
 
 
 def _check_displacement(problem: Problem, delta: float) -> None:

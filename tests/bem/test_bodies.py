@@ -496,9 +496,29 @@ def test_the_area_in_the_continuum_is_that_of_a_finer_grid():
     assert areas[0] == pytest.approx(areas[1], rel=0.01)
 
 
+class Unhashed(TwiceAsCompliant):
+    """A body that cannot be hashed, as one of a dataclass that is not frozen."""
+
+    __hash__ = None
+
+
+@dataclass(frozen=True)
+class Powerless(TwiceAsCompliant):
+    """A body with any modulus, whose compliance is not a number."""
+
+    e_star: float = 1.0
+
+    def relative_compliance(self, wave_numbers):
+        return np.full_like(wave_numbers, np.nan)
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
+        ({"body": Unhashed()}, "Unhashed, which cannot be hashed"),
+        ({"body": Powerless(0.0)}, "e_star of the Powerless = 0.0: must be above 0 MPa"),
+        ({"body": (Powerless(np.nan), BASE)}, "e_star of the Powerless = nan"),
+        ({"body": Powerless(), "boundary": "free"}, "compliance of the body = nan"),
         ({"body": 3.0}, "body = 3.0: must be a bem.HalfSpace"),
         ({"body": (BASE,)}, "must be a bem.HalfSpace"),
         ({"body": (BASE, ConcentratedForces(1.0))}, "must be a bem.HalfSpace"),

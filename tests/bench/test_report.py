@@ -41,14 +41,24 @@ def _assert_a_command(given, each):
 
 def test_curves_of_a_short_run_have_three_points_or_more():
     """Lists of grids and displacements are what its pictures have on their abscissas."""
-    lists = [
-        arguments[place + 1].split(",")
-        for arguments in (inputs(Path("report")).arguments(each) for each in PARTS)
+    lists = {
+        part.name: arguments[place + 1].split(",")
+        for part in PARTS
+        for arguments in [inputs(Path("report")).arguments(part)]
         for place, word in enumerate(arguments)
         if word in {"--nodes", "--deltas"}
-    ]
+    }
     assert lists
-    assert all(len(values) == 1 or len(values) >= 3 for values in lists)
+    assert not {name: values for name, values in lists.items() if len(values) == 2}, (
+        "`quick` of these reports: give one value or at least three"
+    )
+
+
+def test_every_report_has_a_chapter():
+    described = {path.stem for path in (files.HOME / "reports").glob("*.toml")}
+    assert described == {part.name for part in PARTS}, (
+        "CHAPTERS of bench/report.py lists the files of bench/reports"
+    )
 
 
 FALL = """
