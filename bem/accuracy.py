@@ -452,7 +452,8 @@ class _Search:
         lost = self.coarsening.lost_slope(nodes)
         if lost > MOST_LOST:
             return math.inf
-        # A wave of n nodes, n squared times on the patch, loses the share (pi / n)^2.
+        # A wave of n nodes loses about the share (pi / n)^2, see `Coarsening.lost_slope`. The share
+        # therefore tells how many of the shortest waves are on a side of the patch.
         waves = math.sqrt(math.prod(nodes) * lost) / math.pi
         bar = EXPECTED_BAR * math.pow(lost, EXPECTED_POWER) * self._factor_of_load
         bar *= math.pow(waves / EXPECTED_WAVES, BY_WAVES)
@@ -631,7 +632,7 @@ class _Search:
             return f"{unreachable}, no bar holds: {reason}"
         best = min(judged, key=lambda trial: trial.error_ratio)
         reached_text = _in_words(
-            {name: parts.total for name, parts in best.errors.items()}
+            {name: _rounded_up(parts.total) for name, parts in best.errors.items()}
         )
         rows, columns = best.nodes
         untried = ""
@@ -641,8 +642,8 @@ class _Search:
             )
         return (
             f"{unreachable}: the best is {reached_text}, on {rows} x {columns} nodes, where"
-            f" {best.reason}{untried}: ask for no less than that, or give a map with more nodes in"
-            " a wave"
+            f" {best.reason}{untried}: ask for {reached_text} or more, or give a map with more"
+            " nodes in a wave"
         )
 
 
@@ -659,6 +660,14 @@ def _on_half_of_the_nodes(problem: Problem) -> Contact | None:
         return solve_posed(half)
     except (NoSolution, ArithmeticError):
         return None
+
+
+def _rounded_up(error: float) -> float:
+    """Return an error, rounded up to two digits: asking for it again is granted [1]."""
+    if error == 0:
+        return 0.0
+    unit: float = 10.0 ** (math.floor(math.log10(error)) - 1)
+    return math.ceil(error / unit) * unit
 
 
 def _in_words(errors: Mapping[str, float]) -> str:

@@ -371,9 +371,10 @@ class _Rows:
     def of(
         cls, heights: Field, kept: int, *, is_periodic: bool, mean: float, unit: float
     ) -> _Rows:
-        """Transform the rows of heights, (nx, ny), less their mean, and keep the lowest numbers.
+        """Transform the rows of heights, (nx, ny), less their mean.
 
-        `mean` and `unit` are in the unit of the heights. Rows are transformed in bands of
+        The amplitudes of the `kept` lowest numbers are kept. `mean` and `unit` are in the unit of
+        the heights. Rows are transformed in bands of
         `ROWS_AT_ONCE`, which fit into the processor's cache.
         """
         rows, columns = heights.shape

@@ -29,7 +29,7 @@ class Line:
     question: str
     answer: str  # whole sentences
     part: str  # name of the part of the page that the answer comes from
-    command: str  # made the tables of the answer; empty if no record says it
+    command: str  # command that made the tables of the answer; empty without a record
 
 
 def lines(
@@ -115,8 +115,8 @@ def errors_asked_for(rows: list[Row]) -> str:
         row = row_of_promise[f"area alone, asked to {percent} %: within [%]"]
         share = float(row["measured"])
         number = int(row["number"])
-        shares.append(f"{share:.1f} % of {number} areas asked for to {percent} %")
-    return f"Within the error are {' and '.join(shares)}."
+        shares.append(f"asked for {percent} %, {share:.1f} % of {number} areas")
+    return f"Areas within the error: {'; '.join(shares)}."
 
 
 def times_of_others(rows: list[Row]) -> str:
@@ -126,12 +126,12 @@ def times_of_others(rows: list[Row]) -> str:
     ----------
     rows : list of Row
         Rows of `ratios.csv`, the times of other solvers over ours. Means over all surfaces are
-        compared, because a grid is measured on those surfaces alone on which it need not be fine.
+        compared: those over measured grids leave out the surfaces that need the finest grids.
 
     Returns
     -------
     str
-        The answer, for an error of 3 % and one of 1 %; it says on how many of the surfaces the time
+        The answer, for an error of 3 % and one of 1 %. It says on how many of the surfaces the time
         is extrapolated.
     """
     ratios: list[str] = []
@@ -464,7 +464,7 @@ FIRST = (
         answer=errors_asked_for,
     ),
     Question(
-        text="How long do others take to the same error?",
+        text="How long do other solvers take to the same error?",
         part="accuracy",
         tables="ratios.csv",
         answer=times_of_others,
@@ -498,7 +498,7 @@ FIRST = (
 
 FURTHER = (
     Question(
-        text="How long do others take to the same force?",
+        text="How long do other solvers take to the same force?",
         part="peers",
         tables="peers.csv",
         answer=FREE,

@@ -3,8 +3,9 @@
 The challenge [1]_ [2]_ presses a rough, periodic indenter against an elastic half-space. Its
 roughness is self-affine, with a roll-off and a shortest wave, and it has a short-ranged adhesion.
 This report leaves the adhesion out, because contacts of this project have none. Its answers are
-therefore no predictions of the published ones, and no published ones stand beside them. The phases
-of the waves are our own, unless the user has the map of the challenge.
+therefore no predictions of the published ones, and no published ones stand beside them. Surface,
+modulus and pressure are those of [1]_, but the phases of the waves are our own, unless the user has
+the map of the challenge.
 
 References
 ----------
@@ -49,7 +50,7 @@ PRESSURE = 0.25
 """Nominal pressure [MPa]."""
 
 LEAST_NODES = 16
-"""Smallest number of nodes a side of a grid."""
+"""Smallest number of nodes a side of a grid. The roll-off wave has three nodes on it."""
 
 MOST_NODES = 16_384
 """Largest number of nodes a side of a grid. Each field of it takes 2.1 GB."""
@@ -70,7 +71,7 @@ class Answers:
     slope: float  # rms slope between its nodes [1]
     contact: bem.Contact  # the contact under `PRESSURE`
     seconds: float  # processor time of its solve [s]
-    memory: float  # most that the solve has held at once, without the heights [bytes]
+    memory: float  # largest memory of the solve at any time, without the heights [bytes]
 
     def row(self, coarse: bem.Contact | None) -> Row:
         """Return the answers with their bars as a row of the table.
@@ -252,22 +253,22 @@ def read_surface(path: Path, unit: str) -> Heights:
 def _answers(heights: Heights, grids: Sequence[int]) -> Iterator[Answers]:
     """Solve the contact on each of some grids, the coarsest one first."""
     for size in grids:
-        every = len(heights) // size
-        nodes = np.ascontiguousarray(heights[::every, ::every])
+        step = len(heights) // size
+        sampled = np.ascontiguousarray(heights[::step, ::step])
         tracemalloc.start()
         began = time.process_time()
         try:
             contact = bem.solve(
-                nodes, SIDE, pressure=PRESSURE, modulus=E_STAR, boundary="periodic"
+                sampled, SIDE, pressure=PRESSURE, modulus=E_STAR, boundary="periodic"
             )
             seconds = time.process_time() - began
-            memory = tracemalloc.get_traced_memory()[1]
+            _, memory = tracemalloc.get_traced_memory()
         finally:
             tracemalloc.stop()
         spacing = SIDE / size
         yield Answers(
             nodes=size,
-            slope=float(rms_slope(nodes, (spacing, spacing))),
+            slope=float(rms_slope(sampled, (spacing, spacing))),
             contact=contact,
             seconds=seconds,
             memory=memory,

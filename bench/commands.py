@@ -85,7 +85,7 @@ def main(arguments: Sequence[str], name: str = "bench") -> int:
     return command_line.main(app, arguments, name, single_process=True)
 
 
-@app.command()
+@app.command(cls=command_line.Command)
 def run(
     output: Folder,
     names: Names = None,
@@ -100,7 +100,7 @@ def run(
 ) -> int:
     """Make all reports, or the named ones, and their page DIR/index.html, which needs no network.
 
-    Reports that take hours, as `nine-models`, are made only if they are named.
+    Reports that take hours, such as `nine-models`, are made only if they are named.
 
     Every part runs as a command of its own, in DIR/PART. A part stays if the same command has made
     it from the same inputs, with the same code and packages: after Ctrl-C the same command goes on.
@@ -124,7 +124,7 @@ def run(
     return 1 if outcome.failed else 0
 
 
-@app.command()
+@app.command(cls=command_line.Command)
 def page(
     folder: Annotated[Path, typer.Argument(help="Folder of `bench run`.")],
     *,
@@ -143,7 +143,7 @@ def page(
     echo(str(write_page(PARTS, inputs)))
 
 
-@app.command()
+@app.command(cls=command_line.Command)
 def publish(
     folder: Annotated[Path, typer.Argument(help="Folder of `bench run --full`.")],
     target: Annotated[
@@ -189,7 +189,7 @@ def add(part: Part) -> None:
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {option.name: option.annotation for option in parameters}
     command.__doc__ = part.help
-    app.command(part.name)(command)
+    app.command(part.name, cls=command_line.Command)(command)
 
 
 def _make_report(part: Part, output: Path | None, values: Mapping[str, Any]) -> int:

@@ -44,7 +44,7 @@ FIRST_PART = "accuracy"
 
 FIRST_CAPTION = """
 Error of the contact area over the CPU time, ours and that of other solvers, on the same surfaces;
-down and to the left is better. Hollow circles are what each gives by default. By
+down and to the left is better. Hollow circles are what each solver gives by default.
 """
 """Caption of the picture at the top of the page, before the command that makes it."""
 
@@ -132,7 +132,7 @@ def part_to_show(part: Part, inputs: Inputs) -> PartToShow:
         return PartToShow(part=part, record=None, contents=contents)
     missing = missing_packages(part, record)
     if missing:
-        without = f"Without {' and '.join(missing)}, not installed where this was made."
+        without = f"Without {' and '.join(missing)}: not installed where this was made."
         contents = [_with_sentence(content, without) for content in contents]
     command = inputs.portable(part, record.command)
     return PartToShow(part=part, record=record, command=command, contents=contents)
@@ -247,7 +247,7 @@ def first_picture(shown: Sequence[PartToShow]) -> Figure | None:
             continue
         for content in part.contents:
             if isinstance(content, Figure):
-                caption = f"{FIRST_CAPTION.strip()} `{part.command}`."
+                caption = f"{FIRST_CAPTION.strip()} By `{part.command}`."
                 return replace(content, caption=" ".join(caption.split()), data=())
     return None
 
@@ -442,8 +442,9 @@ def picture_size(picture: Path) -> tuple[int, int]:
     Returns
     -------
     tuple of int
-        Bytes 16 to 24 of the file are its width and its height, four bytes each.
+        Width and height.
     """
+    # Bytes 16 to 24 of a PNG file are its width and its height, four bytes each.
     header = content_of(picture)[16:24]
     return int.from_bytes(header[:4]), int.from_bytes(header[4:])
 

@@ -313,8 +313,8 @@ class Inputs:
         Returns
         -------
         str
-            The command, by `asperity` in place of `python -m` where that has it. The folder of this
-            run is not replaced.
+            The command, with `asperity` in place of `python -m` for gen, learn and bench. The
+            folder of this run is not replaced.
         """
         words = shlex.split(recorded)
         # The folder of a run is the part ROOT of a word ROOT/PART or ROOT/PART/...

@@ -104,9 +104,8 @@ class Part:
     # or of a busy machine; otherwise 0.
     minutes: float = 0
     beside: bool = False  # True if other parts may be made at the same time
-    named: bool = (
-        False  # True if a run makes the part only if it is named: it takes hours
-    )
+    # True if a run makes the part only if its user names it, because it takes hours.
+    named: bool = False
     # Names of programs and distributions. If one is not installed, some rows are left out.
     needs: Sequence[str] = ()
     # The function that returns the rows ("module:name"); empty if the command is not in `bench`.

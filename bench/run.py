@@ -43,8 +43,8 @@ LONGEST_SLEEP = 0.5
 """Longest sleep of the main thread, which alone can handle signals [s]."""
 
 COMMAND_LIMIT = 7200.0
-"""Time after which the command of a part is taken to hang, and is interrupted [s]. A part that has
-to be named may take as long as it needs."""
+"""Time after which the command of a part is taken to hang, and is interrupted [s]. A part that
+runs only if it is named may take as long as it needs."""
 
 LAST_LINES = 5
 """Number of the last lines of standard error that a record keeps."""
@@ -350,8 +350,8 @@ def _wait(
     interrupted by SIGINT. A process that has not ended within `END_LIMIT` after its signal is
     killed.
     """
-    until = time.monotonic() + limit
-    while not interruption.requested() and time.monotonic() < until:
+    deadline = time.monotonic() + limit
+    while not interruption.requested() and time.monotonic() < deadline:
         with suppress(subprocess.TimeoutExpired):
             return process.wait(timeout=0.2)
     process.send_signal(interruption.signal or signal.SIGINT)

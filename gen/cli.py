@@ -36,7 +36,7 @@ COMMANDS = (
 """Functions of the commands, in the order in which the help lists them."""
 
 for _command in COMMANDS:
-    app.command()(_command)
+    app.command(cls=command_line.Command)(_command)
 
 app.callback(
     help="Generate databases of rough-surface contact, inspect them, and solve single problems."

@@ -186,6 +186,8 @@ def material_doubts(bodies: Bodies) -> list[str]:
         question = "is the modulus left out"
         if bodies.has_modulus:
             question = _likely_slip(ratio)
+        if _is_hardness_of_base(bodies):
+            question = "is the hardness that of the base and not of the layer"
         bounds = f"solids have {LEAST_HARDNESS:g} to {GREATEST_HARDNESS:g}"
         units = f"Both count in MPa, and E* is {bodies.e_star:.6g} MPa (steel: 230e3)"
         return [f"hardness over E* is {ratio:.3g}, {bounds}: {question}? {units}"]
@@ -198,6 +200,18 @@ def material_doubts(bodies: Bodies) -> list[str]:
 def _is_of_a_solid(ratio: float) -> bool:
     """Return whether there are solids with this hardness over E*."""
     return LEAST_HARDNESS <= ratio <= GREATEST_HARDNESS
+
+
+def _is_hardness_of_base(bodies: Bodies) -> bool:
+    """Return whether a hardness suits the elastic base of a layer, and is too large for the layer.
+
+    The hardness over E* is known to be that of no solid.
+    """
+    layered, hardness = bodies.layered, bodies.hardness
+    if layered is None or layered.base is None or hardness is None:
+        return False
+    is_too_large = hardness > GREATEST_HARDNESS * bodies.e_star
+    return is_too_large and _is_of_a_solid(hardness / layered.base.young)
 
 
 def _likely_slip(ratio: float) -> str:

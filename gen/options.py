@@ -698,7 +698,7 @@ LAW_FORMATS = {
     "calculix": LawFormat("--calculix", "-calculix.inp", further=BAND_SIDES),
     "abaqus": LawFormat("--abaqus", "-abaqus.inp", further=BAND_SIDES),
     "for_4c": LawFormat("--4c", "_4c.py"),
-    "moose": LawFormat("--moose", "-moose.csv", by_stem=False),
+    "moose": LawFormat("--moose", "-moose.csv", further=("closure",), by_stem=False),
     "ansys": LawFormat("--ansys", "-ansys.inp", by_stem=False),
     "comsol": LawFormat("--comsol", "-comsol.txt", further=("closure",), by_stem=False),
 }

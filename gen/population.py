@@ -221,6 +221,14 @@ class Population:
         return (round(length_x / dx), round(length_y / dy))
 
     @functools.cached_property
+    def summit(self) -> float:
+        """Height of the highest node of the maps' texture above its mean [um]."""
+        from scipy.special import ndtri
+
+        shares = (np.arange(TABULATED) + 0.5) / TABULATED
+        return self.heights[-1] - float(self.heights_of(ndtri(shares)).mean())
+
+    @functools.cached_property
     def imperfection_heights(self) -> tuple[Heights, ...]:
         """Heights of each imperfection above the texture [um], each of shape (nx, ny)."""
         return tuple(np.array(imperfection) for imperfection in self.imperfections)

@@ -19,7 +19,7 @@ COLLECTIVE = ("fit", "grow", "compare", "tune")
 """Names of the commands in which all processes of an MPI run take part."""
 
 for _command in COMMANDS:
-    app.command()(_command)
+    app.command(cls=command_line.Command)(_command)
 
 app.callback(
     help="Surrogates of contact databases: nine models compared, tuned, and judged by their errors."

@@ -1,9 +1,9 @@
-"""A Gaussian process whose kernel's length is fitted three times faster than in scikit-learn.
+"""A Gaussian process whose kernel's length takes a third of scikit-learn's operations to fit.
 
 A fit of the length maximises the likelihood, and evaluates it about ten times, each time with a
 factor of K + alpha I, with the kernel matrix K of the training rows. For the gradient scikit-learn
 solves with this factor for every column of the identity. Here LAPACK inverts the matrix from its
-factor, which takes a third of the operations, and the squared distances between rows are computed
+factor, in a third of the operations, and the squared distances between rows are computed
 once. Everything else, the search for the maximum included, is scikit-learn's.
 """
 

@@ -66,7 +66,7 @@ def main(arguments: Sequence[str], name: str) -> int:
     return command_line.main(app, arguments, name, single_process=True)
 
 
-@app.command()
+@app.command(cls=command_line.Command)
 def serve(
     sources: Sources,
     port: Port = 4242,

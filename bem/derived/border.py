@@ -279,17 +279,17 @@ def border_edges(
 
 
 def _parts(numbers: Iterable[int]) -> Iterator[slice]:
-    """Yield slices of these lengths that follow each other."""
-    last = 0
+    """Yield the slices of consecutive parts with these numbers of items."""
+    first = 0
     for number in numbers:
-        first, last = last, last + number
-        yield slice(first, last)
+        yield slice(first, first + number)
+        first += number
 
 
 def _all_edges(
     problem: Problem, pressure: Field, gap: Field, depth: Field | None
 ) -> tuple[BorderEdges, list[int]]:
-    """Return the edges of all ways, and their number by the way they face; as `border_edges`."""
+    """Return the edges that `border_edges` yields in one record, and their number for each way."""
     kernel = "uniform-pressure" if problem.boundary == "free" else "spectral"
     compliance = COMPLIANCE[kernel] / problem.modulus
     fields = _continued(problem.boundary, pressure, gap, depth)

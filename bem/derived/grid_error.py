@@ -340,14 +340,14 @@ class GridError:
             return math.inf
         weights = WEIGHTS[self.kind][name]
         difference = answer(self.contact) - answer(self.coarse)
-        few_nodes = max(self.contact.contact_nodes, 1)
+        deciding_nodes = max(self.contact.contact_nodes, 1)
         by_border = abs(value)
         if name in OF_OPEN_NODES:
-            few_nodes = self._open_nodes
-            by_border *= self.contact.pressure.size / few_nodes
+            deciding_nodes = self._open_nodes
+            by_border *= self.contact.pressure.size / deciding_nodes
         by_node = 0.0
         if self.border.share > 0:  # full contact and no contact have none
-            by_node = abs(value) / few_nodes
+            by_node = abs(value) / deciding_nodes
         share = self.border.share * math.sqrt(self.contact.problem.elongation)
         yielded_scatter = self.border.least_scatter * self.yielded_share
         return math.hypot(
@@ -450,7 +450,7 @@ def _touches_at_creases(contact: Contact) -> bool:
 
     On a smooth surface the sum of the squares of second differences over two nodes is 16 times that
     over one. At creases it is 8 times: those over two are twice as large, and twice as many. The
-    same holds for the sums over four nodes and over two, which tell blunt creases from short waves.
+    same holds for the sums over four nodes and over two. These tell blunt creases from short waves.
     The axis with the larger sum over one node decides.
     """
     problem = contact.problem
@@ -478,12 +478,12 @@ def _touches_at_creases(contact: Contact) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Section:
-    """Lines of a surface along their first axis, and the nodes where they touch.
+    """The lines of a surface along one axis, and the nodes where they touch.
 
     Attributes
     ----------
     lines : ndarray, shape (n, k)
-        Heights along the lines [um].
+        Heights; the first axis is the one along the lines [um].
     along, across : ndarray, shape (m,)
         Indices of the nodes in contact along both axes of `lines`.
     is_periodic : bool

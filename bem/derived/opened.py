@@ -31,9 +31,8 @@ def opened_unseen(problem: Problem, pressure: Field) -> Opened:
     Without edges, the pressure of a full contact of elastic bodies is a sum of waves. Where it is
     negative between nodes, the surfaces part. A round pit of the pressure opens 1.5 times, a long
     one twice, the area over which the pressure of full contact is negative. On a free patch, cells
-    may be open at its edges if the pressure falls below zero there, going on as it does from the
-    second outermost nodes to the outermost ones. The gap is at most that of one round crack of the
-    whole open area.
+    may be open at its edges. They are if the pressure is negative there, extrapolated from the two
+    outermost nodes. The gap is at most that of one round crack of the whole open area.
 
     Parameters
     ----------
@@ -62,6 +61,8 @@ def opened_unseen(problem: Problem, pressure: Field) -> Opened:
         share = 2 * float(np.mean(tension > 0))
     area = math.prod(problem.spacing) * problem.heights.size
     radius = math.sqrt(share * area / math.pi)
+    # A uniform tension p opens a round crack of this radius a by the volume 8 a^3 p / (3 E*)
+    # (Sneddon 1946). Divided by the area of the patch, this is less than the gap below.
     gap = 8 / 3 * radius * float(tension.mean()) / problem.modulus
     return Opened(area_percent=100 * min(share, 1.0), gap=gap)
 
@@ -102,6 +103,7 @@ def _tension_at_edges(pressure: Field) -> Field:
         lines = np.moveaxis(pressure, axis, 0)
         tension_of_lines = np.moveaxis(tension, axis, 0)  # a view, which fills `tension`
         for outermost, next_inside in ((0, 1), (-1, -2)):
+            # half a cell beyond the outermost node, on the line through both
             at_edge = 1.5 * lines[outermost] - 0.5 * lines[next_inside]
             np.maximum(
                 tension_of_lines[outermost], -at_edge, out=tension_of_lines[outermost]

@@ -421,7 +421,8 @@ class _Peer:
     def take_grid(self, grid: _Grid) -> None:
         """Find the tolerance on a grid, time the solver, and keep the time.
 
-        Keep nothing if the solver fails, no tolerance is sufficient, or no finer grid is solved.
+        Keep nothing if the solver fails, if no tolerance is sufficient, or if an earlier grid was
+        the last one, see `is_done`.
         """
         if self.is_done:
             return

@@ -5,7 +5,7 @@ of `bench` shows: its command, machine and commit, pictures, and tables; `{first
 picture and the answers that the page of reports begins with; `{rooms} PACKAGE` and `{walk} NAME`
 for what `house` draws, `{picture} NAME` for a picture of `pictures`, and `{notebook} NAME` for an
 executed notebook. The lines between the fences name the files, for readers of the page's source;
-those of a picture are its text for who does not see it.
+those of a picture describe it for readers who do not see it.
 """
 
 import re

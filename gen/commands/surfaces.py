@@ -254,7 +254,7 @@ def _refuse_stick_pressure(order: Order) -> None:
     if order.friction is None:
         raise InputError("--at-pressure goes with --friction")
     require_within("--at-pressure", pressure, "MPa")
-    from gen.law.finite_elements import require_in_law
+    from gen.law.friction import require_in_law
 
     pressures = order.loads().get("pressure")
     if pressures is not None:

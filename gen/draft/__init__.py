@@ -388,10 +388,19 @@ def _draft_population(order: _Order, like: LikeMaps) -> Draft:
     names = ", ".join(survey.path.name for survey in like.surveys)
     return Draft(
         scene=scene,
-        summary=f"surfaces like {names}",
+        summary=f"surfaces like {names}, patches of {_compared(like)}",
         surveys=like.surveys,
         remarks=like.population.remarks,
     )
+
+
+def _compared(like: LikeMaps) -> str:
+    """Return the nodes of the patches of a scene, and those of the maps if they are more."""
+    map_nx, map_ny = like.population.nodes
+    patches = f"{like.nodes} x {like.nodes} nodes"
+    if like.nodes >= max(map_nx, map_ny):
+        return patches
+    return f"{patches} (maps: {map_nx} x {map_ny}; for their law change nodes)"
 
 
 def _draft_windows(order: _Order, inputs: Sequence[str]) -> Draft:

@@ -178,6 +178,24 @@ class Judgement:
         return ratio.is_off() and ratio.is_beyond_scatter(self.surfaces)
 
     @property
+    def stiffness_fault(self) -> str:
+        """A sentence on the stiffness furthest beyond limit and scatter; "" if there is none."""
+        faults = [
+            (abs(math.log(ratio.mean)), ratio, pressure)
+            for pressure, ratio in zip(
+                self.pressures, self.answers["stiffness"], strict=True
+            )
+            if ratio.mean > 0 and self._is_fault(ratio)
+        ]
+        if not faults:
+            return ""
+        _, ratio, pressure = max(faults, key=lambda fault: fault[0])
+        return (
+            f"the verdict does not hold for the stiffness, which is {ratio.mean:.2f} of the map's"
+            f" at {pressure:.3g} MPa"
+        )
+
+    @property
     def verdict(self) -> Verdict:
         """The verdict on area and mean gap under all pressures.
 
@@ -221,7 +239,8 @@ class Judgement:
             reason = "steps, terraces and the like are no matter of a spectrum"
             return f"not of its kind: {faults}; {reason}"
         if faults:
-            return f"undecided: {faults}, the only difference beyond the scatter"
+            only = "the only difference of area and mean gap beyond the scatter"
+            return f"undecided: {faults}, {only}"
         return f"undecided: within the scatter of the {self.surfaces}, but that is wide"
 
 
@@ -329,7 +348,7 @@ class _Comparison:
     @property
     def judgement(self) -> Judgement:
         """The judgement by the surfaces that have been pressed."""
-        nx, ny = self.press.pressed(self.middle).shape
+        nx, ny = self.press.pressed_nodes(self.middle).shape
         return Judgement(
             surfaces=len(self.surfaces),
             nodes=(nx, ny),
@@ -403,6 +422,8 @@ def print_judgement(judgement: Judgement, kind: str) -> None:
     rows += [[name, ratio.text, "", ""] for name, ratio in judgement.geometry.items()]
     print_columns(rows, titles, right=titles[1:])
     echo(f"verdict: {judgement.sentence}")
+    if judgement.verdict != "not of its kind" and judgement.stiffness_fault:
+        echo(judgement.stiffness_fault)
 
 
 def print_reach(outside: Outside) -> None:

@@ -193,6 +193,13 @@ def scene_of_population(
             " differ from place to\n# place. With other nodes, surfaces have the mean spectrum"
             " and heights."
         )
+    map_nx, map_ny = fitted.nodes
+    if like.nodes < max(map_nx, map_ny):
+        remarks.append(
+            "# Patches smaller than the maps are for surrogates. The law and the scatter of a joint"
+            " as large as\n# the maps are those of gen law with nodes ="
+            f" [{max(like.nodes, map_nx)}, {max(like.nodes, map_ny)}]."
+        )
     texts = {
         "names": printable(", ".join(names)),
         **_beginning(title, output, command, surfaces=SURFACES),

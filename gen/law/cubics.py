@@ -26,7 +26,7 @@ from gen.law.contact_law import Law
 from gen.law.curves import APART, Curves, slopes, trend
 from gen.law.finite_elements import (
     GAS_IN_WORDS,
-    UNITS,
+    beyond_in_words,
     comment,
     description,
     in_words,
@@ -35,6 +35,7 @@ from gen.law.finite_elements import (
 )
 from gen.law.layer import compliance_in_law
 from gen.law.lines import Deviation
+from gen.law.unit_systems import UNITS
 from gen.options import Units
 from gen.quantities import ALSO, CLOSURE, CONTINUUM, IN_LAWS
 from gen.runtime import VERSION
@@ -62,7 +63,8 @@ def write_header(path: Path, law: Law) -> list[Path]:
     list of Path
         The file.
     """
-    law = _inside_training(law)
+    whole_law = law
+    law = _inside_training(whole_law)
     stem = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{stem or 'law'}"  # asperity_steel_2 for steel-2.h
     guard = f"{name.upper()}_H"
@@ -70,10 +72,12 @@ def write_header(path: Path, law: Law) -> list[Path]:
     body = list(_body(functions, name))
     code = "\n".join(body)
     checksum = f"0x{zlib.crc32(code.encode()):08x}u"
-    paragraphs = [*_header_description(law, name), _cubics_in_words(law, functions)]
-    # Names of files may hold characters that end a comment, splice lines or make a compiler warn.
-    odd = re.compile(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*")
-    safe_paragraphs = [odd.sub("_", text) for text in paragraphs]
+    beyond = beyond_in_words(whole_law, law.over_pressure.at[-1])
+    paragraphs = [
+        *_header_description(law, name, beyond),
+        _cubics_in_words(law, functions),
+    ]
+    safe_paragraphs = [_without_code(text) for text in paragraphs]
     # The guard holds the checksum: including this header twice is allowed, but another law of the
     # same name is an error.
     lines = [
@@ -92,6 +96,16 @@ def write_header(path: Path, law: Law) -> list[Path]:
     return write_lines(path, lines)
 
 
+def _without_code(text: str) -> str:
+    """Return a text that is safe in a comment in C.
+
+    Names of files may hold characters that end a comment, splice lines or make a compiler warn.
+    """
+    apart = re.sub(r"\*(?=/)", "* ", text)
+    apart = re.sub(r"/(?=\*)", "/ ", apart)
+    return re.sub(r"[^ -~]|[\\?]", "_", apart)
+
+
 def _inside_training(law: Law) -> Law:
     """Return a law without the points at which most surfaces are outside a surrogate's training."""
     over_delta = law.over_delta
@@ -105,10 +119,10 @@ def _inside_training(law: Law) -> Law:
     )
 
 
-def _header_description(law: Law, name: str) -> Iterator[str]:
+def _header_description(law: Law, name: str, beyond: str) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top of a header, but for the one on cubics.
 
-    `name` begins the names of its functions.
+    `name` begins the names of its functions, `beyond` says why the tables end where they do.
     """
     commit = git_commit()[:12]
     yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
@@ -150,8 +164,7 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     yield (
         f"The tables end at {ends}. Pressure, force, Delta and closure follow their last slope"
         " beyond, as in CalculiX and Abaqus; all other functions stay the last value, with tangents"
-        " of 0. No contact was computed there. Give larger pressures, up to full contact, if your"
-        " model gets there."
+        f" of 0. {beyond}"
     )
 
 

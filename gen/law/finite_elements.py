@@ -32,11 +32,12 @@ from gen.law.accuracy import deviations_with_errors
 from gen.law.between import CALCULIX_POINTS, ENOUGH, MOST_AREA, in_range, merged
 from gen.law.contact_law import Law
 from gen.law.curves import risen, trend
+from gen.law.friction import elastic_slip, stick_slope
 from gen.law.layer import compliance_in_law
 from gen.law.lines import LEVEL, Column, Deviation, Line
-from gen.material import Friction
+from gen.law.unit_systems import UNITS, UnitSystem
 from gen.options import BAND_SIDES, Units
-from gen.quantities import CLOSURE, ELASTIC_SLIPS, SHEAR_STIFFNESSES
+from gen.quantities import CLOSURE
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
@@ -60,45 +61,12 @@ TEMPERATURE = 293.15
 """Temperature in the table of conductances, which do not depend on it; CalculiX wants one [K]."""
 
 
-class UnitSystem(NamedTuple):
-    """A consistent system of units, with factors that convert the units of laws into its units."""
-
-    text: str  # the units in words
-    pressure: float  # value of 1 MPa
-    length: float  # value of 1 um
-    conductance: float  # value of 1 W/(mm2 K)
-
-
-UNITS: dict[Units, UnitSystem] = {
-    "mm": UnitSystem(
-        text="mm, N, s, MPa; conductance in mW/(mm2 K)",
-        pressure=1.0,
-        length=1e-3,
-        conductance=1e3,
-    ),
-    "si": UnitSystem(
-        text="m, N, s, Pa; conductance in W/(m2 K)",
-        pressure=1e6,
-        length=1e-6,
-        conductance=1e6,
-    ),
-    "um": UnitSystem(
-        text="um, uN, s, MPa; conductance in pW/(um2 K)",
-        pressure=1.0,
-        length=1.0,
-        conductance=1e6,
-    ),
-}
-
 GAS_IN_WORDS = (
     "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
 )
 """Template of the paragraph about a gas, for both numbers of `gen.material.Gas`."""
 
-BEYOND = (
-    "beyond, the pressure follows the last slope. No contact was computed there. Give larger"
-    " pressures, up to full contact, if your model gets there."
-)
+FOLLOWS = "beyond, the pressure follows the last slope"
 """What files say about pressures above the last one of the law, after "The law ends at ...:"."""
 
 
@@ -115,7 +83,8 @@ SIDES = {
     "stiff": BandParts(closure="low", conductance="high"),
 }
 """Parts of the curves by the side of the band: "" is the law itself. A soft interface closes
-further under a pressure, and conducts less."""
+further under a pressure, and conducts less. Its elastic slips are taken as its closures, and its
+stiffnesses in shear as its conductances."""
 
 
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
@@ -348,8 +317,7 @@ def _lines(
         loads, overclosures = _with_far_points(loads, overclosures)
     for load, overclosure in zip(loads, overclosures, strict=True):
         yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
-    if law.order.friction is not None and not side:
-        yield from _friction_lines(law, law.order.friction, units, calculix=calculix)
+    yield from _friction_lines(law, units, side, calculix=calculix)
     if tables.conducting is not None:
         yield from _conductance_lines(tables.conducting, units, calculix=calculix)
 
@@ -399,77 +367,34 @@ def write_lines(path: Path, lines: Iterable[str]) -> list[Path]:
 
 
 def _friction_lines(
-    law: Law, friction: Friction, units: UnitSystem, *, calculix: bool
+    law: Law, units: UnitSystem, side: str, *, calculix: bool
 ) -> Iterator[str]:
-    """Yield the keyword of the friction with its line.
+    """Yield the keyword of the friction with its line, below a comment about it.
 
-    Abaqus takes one elastic slip for all pressures: the median of the law. CalculiX takes one slope
-    of the shear stress over the shift: that at the pressure of --at-pressure. Without this option
-    CalculiX gets a comment instead.
+    Without friction there are no lines. Without --at-pressure CalculiX gets a comment alone. The
+    soft side of a band has its large elastic slips and its small stiffnesses in shear, as it has
+    large closures and small conductances.
     """
-    if not calculix:
-        slip = _median_elastic_slip(law) * units.length
-        yield f"*FRICTION, ELASTIC SLIP={slip:.10g}"
-        yield f"{friction.coefficient:.10g}"
+    friction = law.order.friction
+    if friction is None:
         return
+    parts = SIDES[side]
     pressure = law.order.stick_pressure
-    if pressure is None:
+    if not calculix:
+        slip = elastic_slip(law, parts.closure, units)
+        yield from comment([slip.words], "** ")
+        yield f"*FRICTION, ELASTIC SLIP={slip.value:.10g}"
+        yield f"{friction.coefficient:.10g}"
+    elif pressure is None:
         yield (
             "** No *FRICTION: its stick slope grows with the pressure; --at-pressure gives it"
             " at one."
         )
-        return
-    slope = _stick_slope(law, pressure) * units.pressure / units.length
-    yield "*FRICTION"
-    yield f"{friction.coefficient:.10g}, {slope:.10g}"
-
-
-def _median_elastic_slip(law: Law) -> float:
-    """Return the median of the elastic slips of a law over its pressures and both axes [um]."""
-    table = law.over_pressure
-    loaded = table.at > 0
-    slips = [table.curves[slip.in_laws].value[loaded] for slip in ELASTIC_SLIPS]
-    return float(np.median(slips))
-
-
-def _stick_slope(law: Law, pressure: float) -> float:
-    """Return the mean of the interface's stiffnesses in shear along x and y [MPa/um].
-
-    They are those at a nominal pressure [MPa]; between the pressures of the law the mean is a power
-    of the pressure. Raises InputError if the pressure is outside the law.
-    """
-    table = law.over_pressure
-    loaded = table.at > 0
-    pressures = table.at[loaded]
-    require_in_law(pressure, pressures)
-    stiffnesses = [
-        table.curves[stiffness.in_laws].value[loaded] for stiffness in SHEAR_STIFFNESSES
-    ]
-    means = np.mean(stiffnesses, axis=0)
-    log_slope = np.interp(np.log(pressure), np.log(pressures), np.log(means))
-    return float(np.exp(log_slope))
-
-
-def require_in_law(pressure: float, pressures: Values) -> None:
-    """Refuse a value of the option --at-pressure that is outside the pressures of a law.
-
-    Parameters
-    ----------
-    pressure : float
-        The value [MPa].
-    pressures : ndarray, shape (k,)
-        Ascending pressures of the law, at least one [MPa].
-
-    Raises
-    ------
-    InputError
-        If the value is below the first or above the last pressure of the law.
-    """
-    if not pressures[0] <= pressure <= pressures[-1]:
-        raise InputError(
-            f"--at-pressure {pressure:g}: the law is from {pressures[0]:g} to"
-            f" {pressures[-1]:g} MPa"
-        )
+    else:
+        slope = stick_slope(law, pressure, parts.conductance, units)
+        yield from comment([slope.words], "** ")
+        yield "*FRICTION"
+        yield f"{friction.coefficient:.10g}, {slope.value:.10g}"
 
 
 def _conductance_lines(
@@ -606,7 +531,8 @@ def _percentages(shares: Mapping[str, float]) -> str:
         percent = 100 * share
         if percent <= ROUNDING:
             percent = 0.0
-        texts.append(f"{name} {percent:.2g} %")
+        rounded = float(f"{percent:.2g}")  # so that 160 is not written as 1.6e+02
+        texts.append(f"{name} {rounded:g} %")
     return ", ".join(texts)
 
 
@@ -690,17 +616,48 @@ def description(
         f" {between}."
     )
     end = f"The law ends at {pressures[-1]:.6g} MPa"
+    beyond = beyond_in_words(law, pressures[-1])
     if program == "table":
+        yield f"{end}. {beyond}"
         yield (
-            f"{end}: tell the program how to go on there. No contact was computed beyond. Shares"
-            " are parts of 1. This file was not tried in the program that reads it."
+            "The pressure over the closure has two further points, far away: before first touch"
+            " with the pressure 0, and beyond the end on the last slope. Let the tables over the"
+            " pressure stay at their last values. Shares are parts of 1. This file was not tried in"
+            " the program that reads it."
         )
         return
-    yield f"{end}: {BEYOND}"
+    yield f"{end}: {FOLLOWS}. {beyond}"
     if law.over_pressure.conductance_name and program != "4c":
         yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":
         yield from _advice_for_calculix(conducts=bool(law.over_pressure.conductance_name))
+
+
+def beyond_in_words(law: Law, last_pressure: float) -> str:
+    """Say why a file has no contacts beyond its last pressure, and what may be done.
+
+    Parameters
+    ----------
+    law : Law
+        The law, with its points outside a surrogate's training.
+    last_pressure : float
+        The last pressure in the file [MPa].
+
+    Returns
+    -------
+    str
+        Sentences.
+    """
+    table = law.over_pressure
+    if (table.flagged & (table.at > last_pressure)).any():
+        return (
+            "The larger loads of the law lie outside the surrogate's training and are left out:"
+            " train it on them, or solve the law."
+        )
+    return (
+        "No contact was computed there. Give larger pressures, up to full contact, if your model"
+        " gets there."
+    )
 
 
 def _conductors(law: Law) -> Iterator[str]:

@@ -14,7 +14,7 @@ None of the three programs was run on these files.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,18 +23,21 @@ from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.cubics import short_name
 from gen.law.finite_elements import (
-    UNITS,
     comment,
     description,
     name_in_capitals,
     rising,
     write_lines,
 )
+from gen.law.unit_systems import UNITS
 from gen.options import Units
 from gen.quantities import CLOSURE, IN_LAWS, PRESSURE
 
 LONGEST_NAME = 32
 """Largest number of letters of the name of an array in APDL."""
+
+CONTINUED = 1000.0
+"""Closure of the last point of the pressure over the closure, over the last closure of the law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,31 +62,64 @@ class ProgramTable:
         """The closure and all further columns, without the pressure."""
         return (self.closure, *self.curves)
 
+    @property
+    def pressure_over_closure(self) -> tuple[Column, Column]:
+        """The closure and the pressure, with a further point far away on each side, (k + 3,).
+
+        The pressure is 0 before first touch, and follows the last slope behind the last point, as
+        in CalculiX and Abaqus. Then it is right in programs that hold the end values of a table,
+        and in those that continue its first and last lines.
+        """
+        closures = self.closure.values
+        pressures = self.pressure.values
+        far = CONTINUED * closures[-1]
+        slope = (pressures[-1] - pressures[-2]) / (closures[-1] - closures[-2])
+        far_pressure = pressures[-1] + slope * (far - closures[-1])
+        return (
+            replace(self.closure, values=np.concatenate([[-far], closures, [far]])),
+            replace(
+                self.pressure, values=np.concatenate([[0.0], pressures, [far_pressure]])
+            ),
+        )
+
 
 def write_for_moose(path: Path, law: Law, units: Units) -> list[Path]:
-    """Write a law as the CSV file of functions of MOOSE.
+    """Write a law as two CSV files of functions of MOOSE.
+
+    The first one has all columns over the pressure, the second one, with "-closure" after its stem,
+    the pressure over the closure.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The first file.
     law : Law
         The law, which closes somewhere.
     units : {"mm", "si", "um"}
-        System of units of the file.
+        System of units of the files.
 
     Returns
     -------
     list of Path
-        The file.
+        Both files.
     """
     table = program_table(law, units)
-    columns = [table.pressure, *table.over_pressure]
-    lines = list(_head(law, units, table, "# "))
-    lines += comment([_units_in_words(columns)], "# ")
-    lines.append(",".join(column.name for column in columns))
-    lines += [",".join(row) for row in _rows(columns)]
-    return write_lines(path, lines)
+    head = list(_head(law, units, table, "# "))
+    over_pressure = _moose_lines([table.pressure, *table.over_pressure])
+    over_closure = _moose_lines(table.pressure_over_closure)
+    inverse_path = path.with_stem(f"{path.stem}-closure")
+    return [
+        *write_lines(path, [*head, *over_pressure]),
+        *write_lines(inverse_path, [*head, *over_closure]),
+    ]
+
+
+def _moose_lines(columns: Sequence[Column]) -> Iterator[str]:
+    """Yield the lines of a CSV file below its head: the units, the titles, the rows of numbers."""
+    yield from comment([_units_in_words(columns)], "# ")
+    yield ",".join(column.name for column in columns)
+    for row in _rows(columns):
+        yield ",".join(row)
 
 
 def write_for_ansys(path: Path, law: Law, units: Units) -> list[Path]:
@@ -108,7 +144,8 @@ def write_for_ansys(path: Path, law: Law, units: Units) -> list[Path]:
     table = program_table(law, units)
     lines = list(_head(law, units, table, "! "))
     beginning = name_in_capitals(path)
-    lines += _apdl_table(beginning, table.closure, table.pressure, "GAP")
+    closure, pressure = table.pressure_over_closure
+    lines += _apdl_table(beginning, closure, pressure, "GAP")
     for column in table.over_pressure:
         lines += _apdl_table(beginning, table.pressure, column, "PRESSURE")
     return write_lines(path, lines)
@@ -137,7 +174,8 @@ def write_for_comsol(path: Path, law: Law, units: Units) -> list[Path]:
     table = program_table(law, units)
     head = list(_head(law, units, table, "% "))
     over_pressure = _comsol_lines(table.pressure, table.over_pressure)
-    over_closure = _comsol_lines(table.closure, [table.pressure])
+    closure, pressure = table.pressure_over_closure
+    over_closure = _comsol_lines(closure, [pressure])
     inverse_path = path.with_stem(f"{path.stem}-closure")
     return [
         *write_lines(path, [*head, *over_pressure]),
@@ -212,24 +250,6 @@ class Conversion:
     factor: float  # value in the file over the value in the law
 
 
-@dataclass(frozen=True)
-class UnitNames:
-    """Names of the units of a system."""
-
-    length: str
-    pressure: str
-    force: str
-    conductance: str
-
-
-UNIT_NAMES: dict[Units, UnitNames] = {
-    "mm": UnitNames(length="mm", pressure="MPa", force="N", conductance="mW/(mm2 K)"),
-    "si": UnitNames(length="m", pressure="Pa", force="N", conductance="W/(m2 K)"),
-    "um": UnitNames(length="um", pressure="MPa", force="uN", conductance="pW/(um2 K)"),
-}
-"""Names of the units of `gen.law.finite_elements.UNITS`."""
-
-
 def conversions(units: Units) -> dict[str, Conversion]:
     """Return the conversions from the units of laws to those of a file.
 
@@ -246,17 +266,18 @@ def conversions(units: Units) -> dict[str, Conversion]:
         A conversion for each unit of the quantities of `gen.quantities.IN_LAWS`, by this unit.
     """
     system = UNITS[units]
-    names = UNIT_NAMES[units]
+    length_unit = system.length_unit
+    pressure_unit = system.pressure_unit
     pressure = system.pressure
     length = system.length
     return {
-        "um": Conversion(names.length, length),
-        "um2": Conversion(f"{names.length}2", length**2),
-        "MPa": Conversion(names.pressure, pressure),
-        "uN": Conversion(names.force, pressure * length**2),
-        "MPa/um": Conversion(f"{names.pressure}/{names.length}", pressure / length),
-        "J/m2": Conversion(f"{names.pressure} {names.length}", pressure * length),
-        "W/(mm2 K)": Conversion(names.conductance, system.conductance),
+        "um": Conversion(length_unit, length),
+        "um2": Conversion(f"{length_unit}2", length**2),
+        "MPa": Conversion(pressure_unit, pressure),
+        "uN": Conversion(system.force_unit, pressure * length**2),
+        "MPa/um": Conversion(f"{pressure_unit}/{length_unit}", pressure / length),
+        "J/m2": Conversion(f"{pressure_unit} {length_unit}", pressure * length),
+        "W/(mm2 K)": Conversion(system.conductance_unit, system.conductance),
         "%": Conversion("share", 0.01),
         "1": Conversion("1", 1.0),
     }

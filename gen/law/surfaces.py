@@ -6,8 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bem.problem import Boundary, Problem, pose
+from gen.distribution import limits
 from gen.doubts import DOUBTED_SHARE, STEEP_ROW, steep_slopes
+from gen.generators.like import LikeSurface
 from gen.generators.scans import ScanSurface
 from gen.law.order import Order
 from gen.maps.bodies import Opposite, read_surface
@@ -26,6 +30,10 @@ USUAL_BOUNDARY: Boundary = "mirror"
 SOLVER_SETTINGS = ("kernel", "far_field", "rtol", "max_iterations")
 """Settings in the table `[contact]` of a scene with which its law solves contacts, too."""
 
+
+LOW_SUMMIT = 0.85
+"""Mean height of the summits of patches over that of the maps below which a law of patches is not
+one of the maps: at light loads the mean gap is as wide as the summit is high."""
 
 UNIT_BODIES = Bodies(e_star=1.0)
 """Half-spaces of E* = 1 MPa, for answers that do not depend on the bodies."""
@@ -375,7 +383,8 @@ def _generate(scene: Scene, text: str, number: int) -> InputSurfaces:
     `text` is the input that names the scene: its path, or the name of a shipped scene.
     """
     population = list(surfaces_of_scene(scene, text, range(number)))
-    doubts = [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
+    doubts = [*_slope_doubts(population), *_size_doubts(scene, population)]
+    doubts = [f"warning: {text}: {doubt}" for doubt in doubts]
     return InputSurfaces(
         about=scene_as_input(scene, text, f"its first {number} surfaces"),
         surfaces=population,
@@ -636,6 +645,32 @@ def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
         return []
     where = f", above {STEEP_ROW:g} in {len(steep)} of {len(slopes)} surfaces"
     return [steep_slopes(max(steep), max(population[0].spacing), where)]
+
+
+def _size_doubts(scene: Scene, population: Sequence[LawSurface]) -> list[str]:
+    """Return a list of one doubt, or none: that patches are too small for the law of their maps.
+
+    There is a doubt if the patches are smaller than the maps that the surfaces are like, and their
+    summits are below `LOW_SUMMIT` times that of the maps, above the mean height.
+    """
+    table = scene.surface
+    if not isinstance(table, LikeSurface):
+        return []
+    fitted = table.recorded_population()
+    nx, ny = population[0].heights.shape
+    map_nx, map_ny = fitted.nodes
+    summits = [surface.heights.max() - surface.heights.mean() for surface in population]
+    summit = float(np.mean(summits))
+    summit_of_maps = float(np.mean(limits(table.scale))) * fitted.summit
+    if (nx >= map_nx and ny >= map_ny) or summit > LOW_SUMMIT * summit_of_maps:
+        return []
+    line = (
+        f"patches of {nx} x {ny} nodes rise {summit:.3g} um above their mean, maps of {map_nx} x"
+        f" {map_ny} nodes {summit_of_maps:.3g} um: closure, gap, stiffness and their scatter are"
+        f" those of patches; nodes = [{max(nx, map_nx)}, {max(ny, map_ny)}] in [surface] gives"
+        " those of surfaces as large as the maps"
+    )
+    return [line]
 
 
 def surfaces_of_scene(

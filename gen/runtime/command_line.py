@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
+from typer.core import TyperCommand
 
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError, errno_of, file_of
@@ -78,6 +79,39 @@ def take_version(*, version: Version = False) -> None:
     version : bool
         Whether the option is given.
     """
+
+
+class Command(TyperCommand):
+    """A command that warns of an option with one value that is given twice: the last one counts."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command line, as the method of Typer does, and warn first.
+
+        `args` are the words after the command's name, `ctx` is its context.
+        """
+        is_worker = ctx.obj is not None and not ctx.obj.is_master
+        if not (ctx.resilient_parsing or is_worker or "--help" in args):
+            _, _, parameters = self.make_parser(ctx).parse_args(list(args))
+            _warn_of_repeated(parameters)
+        return super().parse_args(ctx, args)
+
+
+def _warn_of_repeated(parameters: Sequence[Any]) -> None:
+    """Warn of options with one value among parameters of Typer, in the order of a command line."""
+    for parameter in dict.fromkeys(parameters):
+        number = parameters.count(parameter)
+        if number > 1 and _has_one_value(parameter):
+            option = parameter.opts[0]
+            echo(
+                f"warning: {option} was given {number} times: the last one counts",
+                err=True,
+            )
+
+
+def _has_one_value(parameter: Any) -> bool:
+    """Return whether a parameter of Typer is an option that takes a single value."""
+    is_option: bool = parameter.param_type_name == "option"
+    return is_option and not (parameter.multiple or parameter.is_flag or parameter.count)
 
 
 def _trust(context: typer.Context, trusted: bool) -> bool:
@@ -362,7 +396,7 @@ def _exit_code(
         if world.is_master:
             echo(f"asperity {VERSION}")
     elif takes_part:
-        with _parser(app).make_context(name, list(arguments)) as context:
+        with _parser(app).make_context(name, list(arguments), obj=world) as context:
             memory.require_blas()
             returned = context.command.invoke(context)
     finish_output()

@@ -130,7 +130,7 @@ def tune(
 
     if budget and candidates is not None:
         raise InputError(
-            f"--budget {budget} and --candidates {candidates}: give one of them"
+            f"--budget {budget} and --candidates {candidates}: give only one of them"
         )
 
     return _run_jobs(

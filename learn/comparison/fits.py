@@ -44,7 +44,7 @@ from learn.models import (
 from learn.split import FOLDS, Folds
 
 EPOCHS = ("max_iter", "max_fun")
-"""Settings of a candidate that limit its epochs, by the number of them and of evaluations."""
+"""Settings of a candidate that limit its training: the numbers of epochs and of evaluations."""
 
 LEAST_SCORE = -1e20
 """Smallest R2 of a trial. A fit with a smaller one, which would spoil means, counts as diverged."""
@@ -276,7 +276,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     """Fit the candidates of a task, and score each of them on the fold that is left out.
 
     If the fit that serves several candidates fails, each candidate is fitted by itself. A fit to a
-    share of the training rows has the same share of the candidates' `EPOCHS`.
+    share of the training rows has the same share of the epochs (`EPOCHS`).
 
     Parameters
     ----------

@@ -259,7 +259,7 @@ class GridSearch:
     def choose(self, number: int) -> None:
         """Judge a number of candidates of the grid, which successive halving chooses; see `run`.
 
-        No time ends a fit, and no time but that of long fits (`LONGEST`) takes part in the choice:
+        No fit is stopped. Times decide only which candidates are too long (`LONGEST`), so that
         another call with equal trials makes the same choice. Each step on fewer rows has `FACTOR`
         times as many candidates as the next one. All candidates of a family take part together.
 
@@ -276,17 +276,18 @@ class GridSearch:
         baseline = self.tasks([self.baseline_family], total)
         self.run(baseline, f"the baseline on {total} rows")
         order = self._drawn_families()
-        wanted = number * FACTOR ** (len(self._sizes) - 1)  # candidates of the first step
+        # number of candidates of the first step
+        number_of_step = number * FACTOR ** (len(self._sizes) - 1)
         steps = []
         for rows in self._sizes[:-1]:
-            families = self._families_of_step(order, wanted, rows, STEP_FOLDS)
+            families = self._families_of_step(order, number_of_step, rows, STEP_FOLDS)
             on_rows = f"on {rows} rows, {STEP_FOLDS} folds"
             self.run(self.tasks(families, rows, STEP_FOLDS), f"candidates {on_rows}")
             steps.append(f"{_counted(_size(families))} {on_rows}")
             # If no candidate has a score, the next step takes the old order.
             order = self._ranked(families, rows) or families
-            wanted //= FACTOR
-        families = self._families_of_step(order, wanted, total, FOLDS)
+            number_of_step //= FACTOR
+        families = self._families_of_step(order, number_of_step, total, FOLDS)
         self.enough = min(LEAST_JUDGED, _size(families))
         on_rows = f"on {total} rows, {FOLDS} folds"
         self.run(self.tasks(families, total), f"the best candidates {on_rows}")
@@ -297,19 +298,19 @@ class GridSearch:
             self.how = f"successive halving: {', '.join(steps)}"
 
     def _families_of_step(
-        self, order: list[Family], wanted: int, rows: int, folds: int
+        self, order: list[Family], number: int, rows: int, folds: int
     ) -> list[Family]:
         """Return the families that take part in a step of `choose`.
 
         They are the family of the optimum, the first other one in `order`, and the next ones whose
-        fits are not long, until there are `wanted` candidates besides the optimum's family.
+        fits are not long, until there are `number` candidates besides the optimum's family.
         """
         families = [family for family in self.grid.families if self.optimum in family]
         others = [family for family in order if family not in families]
         families += others[:1]
         counted = _size(others[:1])
         for family in others[1:]:
-            if counted >= wanted:
+            if counted >= number:
                 break
             if self._expected_seconds(family, rows, folds) <= LONGEST:
                 families.append(family)

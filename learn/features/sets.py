@@ -65,8 +65,8 @@ from learn.features.scene import SCENE
 Formula = Callable[[Rows], Values]
 
 
-# Features without a margin beyond their training ranges. A user chooses these numbers: they do not
-# scatter from surface to surface.
+# Features without a margin beyond their training ranges: they do not scatter from surface to
+# surface, because a user chooses them.
 EXACT = (NODES, HARDNESS, BASE_RATIO)
 
 
@@ -426,7 +426,7 @@ class OfScene(FeatureSet):
         return scenic.training_ranges(scenes, self.columns, inputs)
 
     def margins(self, low: Values, high: Values) -> Values:
-        """Return no margin, (d,): a scene defines the limits of its numbers."""
+        """Return margins of 0, (d,), because a scene defines the limits of its numbers."""
         return np.zeros(len(low))
 
 

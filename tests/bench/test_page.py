@@ -45,7 +45,7 @@ def test_captions_say_which_packages_were_missing(tmp_path, *, installed):
         record["versions"]["tamaas"] = "2.9.0"
     path.write_text(json.dumps(record), encoding="utf-8")
     text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
-    sentence = "A line that falls. Without tamaas, not installed where this was made."
+    sentence = "A line that falls. Without tamaas: not installed where this was made."
     assert (sentence in text) is not installed
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import bem
 from gen.doubts import (
     CHECK_LOAD,
     SLIPS,
@@ -12,7 +13,7 @@ from gen.doubts import (
     modulus_in_words,
     rows_doubts,
 )
-from gen.material import Bodies
+from gen.material import Bodies, LayeredBody
 from gen.scene.tables import Contact
 
 PLAUSIBLE = [
@@ -48,6 +49,16 @@ def test_slips_of_the_units_of_solids_are_doubted(young, hardness):
         assert any(
             slip in line for slip in SLIPS.values()
         )  # a ratio may have come of several
+
+
+def test_the_hardness_of_the_base_of_a_soft_layer_is_doubted():
+    layered = LayeredBody.of(bem.Layered(2.0, 3e3, 0.4, bem.HalfSpace(210e3, 0.3)))
+    soft = Bodies(e_star=3571.0, has_modulus=True, layered=layered)
+    (line,) = material_doubts(soft._replace(hardness=2000.0))
+    assert "is the hardness that of the base and not of the layer?" in line
+    (line,) = material_doubts(soft._replace(hardness=2e6))
+    assert "base" not in line
+    assert not material_doubts(soft._replace(hardness=150.0))
 
 
 @pytest.mark.parametrize(

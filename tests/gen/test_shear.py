@@ -205,6 +205,48 @@ def test_calculix_gets_a_stick_slope_at_a_pressure_alone(refused):
     assert "--at-pressure 100000: the law is from 50 to 2000 MPa" in message
 
 
+FRICTIONS = {
+    "abaqus": re.compile(r"^\*FRICTION, ELASTIC SLIP=(.+)\n0\.3$", re.M),
+    "calculix": re.compile(r"^\*FRICTION\n0\.3, (.+)$", re.M),
+}
+"""The lines of the friction of `LAW` by the program, with the number for the shear before slip."""
+
+
+def test_both_sides_of_a_band_have_the_friction_of_the_law(surface):
+    for seed in (2, 3):
+        np.save(f"b{seed}.npy", waves(32, seed))
+    files = [f"--{program}={program}.inp" for program in FRICTIONS]
+    line = [*LAW, "b2.npy", "b3.npy", "--pressure=200:800:2:log", *files, "--no-check"]
+    assert cli.main([*line, "--at-pressure", "500"]) == 0
+    numbers = {
+        program: [
+            float(pattern.search(Path(f"{program}{side}.inp").read_text())[1])
+            for side in ("-soft", "", "-stiff")
+        ]
+        for program, pattern in FRICTIONS.items()
+    }
+    soft, law, stiff = numbers["abaqus"]
+    assert soft > law > stiff  # elastic slips: a soft joint gives way further
+    soft, law, stiff = numbers["calculix"]
+    assert soft < law < stiff  # slopes
+
+
+@pytest.mark.parametrize(
+    ("units", "slip", "slope"), [("mm", "mm", "MPa/mm"), ("si", "m", "Pa/m")]
+)
+def test_files_say_what_the_number_for_shear_is(surface, units, slip, slope):
+    files = ["--abaqus", "a.inp", "--calculix", "c.inp", "--at-pressure", "500"]
+    assert cli.main([*LAW, *files, "--no-check", "--units", units]) == 0
+    texts = {
+        name: re.sub(r"\n\*\* +", " ", Path(name).read_text())
+        for name in ("a.inp", "c.inp")
+    }
+    number = FRICTIONS["abaqus"].search(texts["a.inp"])[1]
+    assert f"Elastic slip: {float(number):.4g} {slip} for all" in texts["a.inp"]
+    number = FRICTIONS["calculix"].search(texts["c.inp"])[1]
+    assert f"Stick slope: {float(number):.4g} {slope} for all" in texts["c.inp"]
+
+
 BLOCKS = """*NODE, NSET=LOWER
 1, 0, 0, -1
 2, 1, 0, -1

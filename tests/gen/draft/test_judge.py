@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from gen import cli
-from gen.draft.judge import Judgement, Ratio, compare_parts, judge_surfaces
+from gen.draft.judge import (
+    Judgement,
+    Ratio,
+    compare_parts,
+    judge_surfaces,
+    print_judgement,
+)
 from gen.draft.press import SHARES
 from gen.material import Bodies
 from gen.population import generate_like
@@ -70,7 +76,7 @@ def judgement_of(areas, gaps):
         surfaces=10,
         nodes=(9, 9),
         pressures=tuple(range(1, 1 + len(areas))),
-        answers={"area": areas, "mean gap": gaps},
+        answers={"area": areas, "mean gap": gaps, "stiffness": gaps},
         geometry={},
     )
 
@@ -81,9 +87,25 @@ def test_two_small_differences_are_those_of_another_kind():
     two = judgement_of((off, same, same), (same, same, off))
     assert one.verdict == "undecided"
     assert one.sentence == (
-        "undecided: area 1.20 of the map's at 1 MPa, the only difference beyond the scatter"
+        "undecided: area 1.20 of the map's at 1 MPa, the only difference of area and mean gap"
+        " beyond the scatter"
     )
     assert two.verdict == "not of its kind"
+
+
+def test_a_stiffness_of_another_kind_is_told_beside_the_verdict(capsys):
+    same = ratio(1.0, 0.01)
+    judgement = judgement_of((same, same), (same, same))
+    for stiffnesses, sentence in [
+        ((ratio(1.1, 0.01), ratio(1.4, 0.3)), ""),  # small, and within the scatter
+        ((ratio(0.6, 0.01), ratio(1.4, 0.01)), "which is 0.60 of the map's at 1 MPa"),
+    ]:
+        judgement.answers["stiffness"] = stiffnesses
+        print_judgement(judgement, "surfaces")
+        printed = capsys.readouterr().out
+        assert judgement.verdict == "of its kind"
+        assert ("does not hold for the stiffness" in printed) == bool(sentence)
+        assert sentence in printed
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,20 @@ def test_a_surface_is_one_of_the_population(folder):
     assert 0.5 < ratio.max() < 2.0
 
 
+def test_a_law_of_patches_that_are_smaller_than_the_maps_has_a_warning(folder, capsys):
+    """The summits of patches are lower, so that the joint of the maps is less stiff."""
+    law = ["law", "s.toml", "--surfaces", "2", "--pressure", "0.01", "--no-check"]
+    write_scene(folder, nodes="10")
+    assert run(*law, "--csv", "patches.csv") == 0
+    printed = capsys.readouterr()
+    warning = "nodes = [82, 82] in [surface] gives those of surfaces as large as the maps"
+    assert warning in printed.out + printed.err
+    write_scene(folder, nodes="82")
+    assert run(*law, "--csv", "maps.csv") == 0
+    printed = capsys.readouterr()
+    assert "as large as the maps" not in printed.out + printed.err
+
+
 def test_a_database_needs_neither_the_file_nor_the_maps(folder, capsys):
     assert run("run", "s.toml", "-o", "a.h5") == 0
     assert "surfaces like made.npy" in capsys.readouterr().err

@@ -116,12 +116,29 @@ def require_law(columns, law):
         assert columns[name][0] == 0
 
 
+def require_continued(closures, pressures, law):
+    """Check pressures over closures: the law, and a further point far away on each side.
+
+    Programs that hold the end values and those that continue the end lines then have no tension in
+    an open gap, and follow the last slope of the law behind its last point.
+    """
+    np.testing.assert_allclose(closures[2:-1], law["closure"], rtol=1e-3)
+    np.testing.assert_allclose(pressures[2:-1], law["pressure"], rtol=1e-3)
+    assert closures[1] == pressures[0] == pressures[1] == 0
+    assert closures[-1] == -closures[0] >= 100 * closures[-2]
+    last, far = np.diff(pressures[-3:]) / np.diff(closures[-3:])
+    assert far == pytest.approx(last, rel=1e-6)
+
+
 @pytest.mark.parametrize("units", UNITS)
 def test_moose_reads_the_columns_of_the_law(folder, units):
     columns = read_moose(folder / f"{units}.csv")
     law = expected(folder, units)
     require_law(columns, law)
     assert columns.keys() == law.keys()
+    inverse = read_moose(folder / f"{units}-closure.csv")
+    assert list(inverse) == ["closure", "pressure"]
+    require_continued(inverse["closure"], inverse["pressure"], law)
 
 
 @pytest.mark.parametrize("units", UNITS)
@@ -132,8 +149,7 @@ def test_comsol_reads_the_columns_of_the_law(folder, units):
     require_law(columns, law)
     inverse = read_comsol(folder / f"{units}-closure.txt")
     assert list(inverse) == ["closure", "pressure"]
-    np.testing.assert_allclose(inverse["closure"][1:], law["closure"], rtol=1e-3)
-    np.testing.assert_allclose(inverse["pressure"][1:], law["pressure"], rtol=1e-3)
+    require_continued(inverse["closure"], inverse["pressure"], law)
 
 
 @pytest.mark.parametrize("units", UNITS)
@@ -143,8 +159,7 @@ def test_ansys_reads_the_columns_of_the_law(folder, units):
     beginning = units.upper()
     variable, over_closure = tables.pop(f"{beginning}_PRESSURE")
     assert variable == "GAP"
-    np.testing.assert_allclose(over_closure[1:, 0], law["closure"], rtol=1e-3)
-    np.testing.assert_allclose(over_closure[1:, 1], law["pressure"], rtol=1e-3)
+    require_continued(*over_closure.T, law)
     names = {name.removeprefix(f"{beginning}_").lower() for name in tables}
     assert names == law.keys() - {"pressure"}
     for name, (variable, numbers) in tables.items():
@@ -160,7 +175,8 @@ def test_every_unit_of_laws_has_one_in_files():
         assert conversions(system).keys() == units
 
 
-def test_the_second_file_for_comsol_replaces_no_input(here, refused):
+@pytest.mark.parametrize("program", ["comsol", "moose"])
+def test_the_second_file_of_a_program_replaces_no_input(here, refused, program):
     np.savetxt("a-closure.txt", waves(24, 2))
     line = ["law", "a-closure.txt", "--side=100", "--pressure=1:9:3"]
-    assert "is an input" in refused(cli, *line, "--comsol", "a.txt")
+    assert "is an input" in refused(cli, *line, f"--{program}", "a.txt")

@@ -62,6 +62,19 @@ def test_an_empty_argument_chooses_nothing(here, refused, arguments, said):
     assert not list(here.iterdir())
 
 
+def test_an_option_that_is_given_twice_has_a_warning(here, capsys):
+    """As `--side 200 --side 300` for an oblong map: only 300 counted, and nothing said so."""
+    np.save("map.npy", np.random.default_rng(0).normal(size=(9, 9)))
+    line = ["contact", "map.npy", "--side", "8", "--delta", "1"]
+    twice = ["--young", "1e5", "--young", "2e5", "--poisson", "0", "--poisson", "0"]
+    assert cli.main([*line, *twice]) == 0
+    assert "was given" not in capsys.readouterr().err
+    assert cli.main([*line, "--side", "16", "--delta", "1"]) == 0
+    warnings = capsys.readouterr().err
+    for option in ("--side", "--delta"):
+        assert f"warning: {option} was given 2 times: the last one counts" in warnings
+
+
 def test_a_number_that_is_not_the_stored_one_is_written_plainly(here, capsys):
     database_of(here, SCENE, "a")
     with h5py.File("a.h5", "r+") as file:
