@@ -113,8 +113,8 @@ def stick_slope(law: Law, pressure: float, part: str, system: UnitSystem) -> Sti
     unit = f"{system.pressure_unit}/{system.length_unit}"
     words = (
         f"Stick slope: {slope:.4g} {unit} for all pressures and directions. It is the mean of the"
-        f" stiffnesses in shear of {PARTS[part]} at {pressure:g} MPa: {slopes[0]:.4g} {unit} along x"
-        f" and {slopes[1]:.4g} {unit} along y."
+        f" stiffnesses in shear of {PARTS[part]} at {pressure:g} MPa:"
+        f" {slopes[0]:.4g} {unit} along x and {slopes[1]:.4g} {unit} along y."
     )
     return Stick(value=slope, words=words)
 
