@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.files import content_of, is_there, named, read_table
+from gen.quantities import RECORDS, typographic, unit_in_names
 from gen.runtime.errors import InputError
 from gen.units import readable_unit
 
@@ -25,19 +26,23 @@ SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
 """Texts that are shown for numbers that are missing, NaN or infinite, by their texts in a table."""
 
 UNITS = {
-    "um": "µm",
     "s": "s",
     "seconds": "s",
     "ms": "ms",
     "percent": "%",
-    "uN": "µN",
     "N": "N",
-    "MPa": "MPa",
     "GPa": "GPa",
     "K": "K",
     "MB": "MB",
+    **{
+        unit_in_names(unit): typographic(unit)
+        for quantity in RECORDS
+        for unit in (quantity.unit, quantity.law_unit)
+        if unit_in_names(unit)
+    },
 }
-"""Units as they are shown, by the last word of a column's name."""
+"""Units as they are shown, by the last words of a column's name. Those of quantities are among
+them."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +246,7 @@ def _column(texts: Sequence[str], name: str) -> Column:
 
     `texts` are the values as the CSV file has them.
     """
-    *_, unit = name.split("_")
+    unit = _unit_of(name)
     numbers = [abs(number) for number in map(_number, texts) if number is not None]
     largest = max(numbers, default=0.0)
     readable = readable_unit(unit, largest, DIGITS)
@@ -271,12 +276,22 @@ def _in_unit(text: str, size: float) -> str:
 def _title(column: str) -> str:
     """Return the title of a column: the words of its name, and its unit in brackets.
 
-    "gap_um" becomes "gap [µm]". A name of one word has no unit.
+    "gap_um" becomes "gap [µm]".
     """
-    *words, last = column.split("_")
-    if words and last in UNITS:
-        last = f"[{UNITS[last]}]"
-    return " ".join([*words, last])
+    unit = _unit_of(column)
+    if not unit:
+        return column.replace("_", " ")
+    words = column.removesuffix(f"_{unit}").replace("_", " ")
+    return f"{words} [{UNITS[unit]}]"
+
+
+def _unit_of(column: str) -> str:
+    """Return the unit at the end of a column's name, a key of `UNITS`; "" if it has none.
+
+    It is the longest one, as "MPa_per_um" of "stiffness_MPa_per_um". A name of one word has none.
+    """
+    units = [unit for unit in UNITS if column.endswith(f"_{unit}")]
+    return max(units, key=len, default="")
 
 
 def cell(text: str) -> Cell:

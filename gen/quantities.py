@@ -357,9 +357,28 @@ def _with_unit(name: str, unit: str) -> str:
 
     Names of pure numbers and of percentages are returned as they are.
     """
+    ending = unit_in_names(unit)
+    return f"{name}_{ending}" if ending else name
+
+
+def unit_in_names(unit: str) -> str:
+    """Write a unit as it ends the names of columns.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of a quantity, for example N/m or W/(mm2 K).
+
+    Returns
+    -------
+    str
+        The unit in letters and underscores, for example N_per_m or W_per_mm2_K; "" for pure numbers
+        and percentages.
+    """
     if unit in {"1", "%"}:
-        return name
-    return f"{name}_{unit.replace('/', '_per_')}"
+        return ""
+    with_words = unit.replace("/", "_per_").replace(" ", "_")
+    return re.sub("[()]", "", with_words)
 
 
 def typographic(unit: str) -> str:

@@ -119,6 +119,37 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
     return first | columns
 
 
+def unknown_target(
+    target: str, source: str, results_by_name: Mapping[str, Column], load: str
+) -> str:
+    """Say why something cannot be learnt under a load, and what can.
+
+    Parameters
+    ----------
+    target : str
+        Name of a target that is not among the results.
+    source : str
+        What stores the results, such as the path of a database.
+    results_by_name : mapping of str to Column
+        The columns that can be learnt, as `results` returns them.
+    load : str
+        One of `learn.features.scene.LOADS`.
+
+    Returns
+    -------
+    str
+        One line, which names --target.
+    """
+    if target == "force" and load in BY_FORCE:
+        reason = "the force is the load, or follows from it; "
+    elif target == "delta" and load not in BY_FORCE:
+        reason = "Delta is the load; it is a target under --load pressure; "
+    else:
+        reason = ""
+    names = ", ".join(map(short_name, results_by_name))
+    return f"--target {target!r}: {reason}{source} stores {names}"
+
+
 def _is_count(column: Column) -> bool:
     """Tell whether a column counts something, such as nodes in contact.
 
@@ -299,8 +330,7 @@ def _target_columns(
     for target in targets:
         name = TARGETS.get(target, target)
         if name not in stored_results:
-            names = ", ".join(map(short_name, stored_results))
-            raise InputError(f"--target {target!r}: {path} stores {names}")
+            raise InputError(unknown_target(target, str(path), stored_results, load))
         columns.append(stored_results[name])
     return columns
 

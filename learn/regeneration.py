@@ -277,10 +277,10 @@ class Regeneration:
         blocks = self._blocks()
         rows = sum(block.end - block.first for block in blocks)
         self.saved = time.monotonic()
-        with RunProgress(rows, "surfaces") as progress:
+        with RunProgress(rows, "rows") as progress:
             progress.say(
-                f"{self.part.path}: generating {rows} surfaces anew for their hybrid features; they"
-                f" are kept in {self.cache.path}"
+                f"{self.part.path}: generating the surfaces of {rows} rows anew for hybrid"
+                f" features, which are kept in {self.cache.path}"
             )
 
             def keep(block: Block, features: BlockFeatures) -> None:

@@ -41,7 +41,7 @@ LARGEST_DIFFERENCE = 0.15
 FEWEST_OF_A_CLASS = 30  # number of nodes in the lowest and in the highest class
 
 DEGREES = 64  # number of Hermite polynomials of the curve of heights
-INTEGRATED = 4001  # number of normal scores by which their integrals are computed
+INTEGRATION_SCORES = 4001  # number of normal scores by which their integrals are computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +52,8 @@ class HeightCurve:
     heights: Values  # heights at these scores, rising, shape (knots,) [1]
 
     @classmethod
-    def of(cls, textures: Sequence[Heights]) -> HeightCurve:
-        """Return the mean of the curves of several textures.
+    def by_quantiles(cls, textures: Sequence[Heights]) -> HeightCurve:
+        """Return the mean of the curves of several textures by quantiles.
 
         It ends at the furthest score that all textures have.
 
@@ -111,7 +111,7 @@ class HeightCurve:
         k-th power of the autocorrelation of the Gaussian field. The last power is the sum of the
         powers of all higher degrees.
         """
-        scores = np.linspace(-FURTHEST_SCORE, FURTHEST_SCORE, INTEGRATED)
+        scores = np.linspace(-FURTHEST_SCORE, FURTHEST_SCORE, INTEGRATION_SCORES)
         weights = np.exp(-(scores**2) / 2)
         weights /= weights.sum()
         heights = self(scores)
@@ -152,7 +152,7 @@ class HeightCurve:
             The mean curve, at the scores of the curve by quantiles. None if a texture is flat at
             some height.
         """
-        scores = cls.of(textures).scores
+        scores = cls.by_quantiles(textures).scores
         curves = [_heights_by_slopes(texture, spacing, scores) for texture in textures]
         known_curves = [curve for curve in curves if curve is not None]
         if len(known_curves) < len(curves):
@@ -168,7 +168,7 @@ def _knots(furthest: float) -> Values:
 
 
 def _curve_of_texture(texture: Heights) -> HeightCurve:
-    """Return the curve of one texture; its ends are the lowest and the highest node."""
+    """Return the curve of a texture by quantiles; its ends are the lowest and highest node."""
     from scipy.special import ndtri
 
     ordered = np.sort(texture, axis=None)

@@ -348,7 +348,7 @@ class _Comparison:
     @property
     def judgement(self) -> Judgement:
         """The judgement by the surfaces that have been pressed."""
-        nx, ny = self.press.pressed(self.middle).shape
+        nx, ny = self.press.pressed_nodes(self.middle).shape
         return Judgement(
             surfaces=len(self.surfaces),
             nodes=(nx, ny),

@@ -204,7 +204,7 @@ def _fitted_parts(
         [rings.log_means(patch, grid) for patch in patches[:COMPARED]], axis=0
     )
     members = []
-    curves = [HeightCurve.of([part - part.mean()]) for part in parts]
+    curves = [HeightCurve.by_quantiles([part - part.mean()]) for part in parts]
     for part, curve in zip(parts, curves, strict=True):
         along_x, along_y = _along_axes(rings.log_means(part, grid) - of_patches)
         members.append(

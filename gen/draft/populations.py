@@ -306,7 +306,7 @@ def fit_joined(maps: Sequence[FittedMap], joined: JoinedSpectrum) -> Population:
     """
     spectrum = join_in_bands(joined)
     widest = joined.scans[0].topography.heights
-    curve = HeightCurve.of([(widest - widest.mean()) / widest.std()])
+    curve = HeightCurve.by_quantiles([(widest - widest.mean()) / widest.std()])
     target = _TargetSpectrum(
         grid=spectrum.grid,
         bands=spectrum.bands,
@@ -382,7 +382,7 @@ def fit_population(
         for separated_map, rms_height_of_map in zip(separated, rms_heights, strict=True)
         for imperfection in separated_map.imperfections
     )
-    curves = [HeightCurve.of(textures)]
+    curves = [HeightCurve.by_quantiles(textures)]
     by_slopes = HeightCurve.by_slopes(textures, spacing)
     if by_slopes is not None and by_slopes.has_bearing_heights_of(curves[0]):
         curves.append(by_slopes)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from gen.arrays import Heights
 from gen.maps.read import Sides
 from gen.material import Bodies
+from gen.quantities import AREA, MEAN_GAP, QUANTITIES, UNLOADING, Quantity
 from gen.statistics import rms_slope
 
 KAPPA = 2.0
@@ -36,13 +36,13 @@ ENOUGH_SLOPE = 0.95
 # fewest nodes along the shorter side of which every second one is taken
 FEWEST_HALVED = 128
 
-ANSWERS: Mapping[str, Callable[[Any], float]] = {
-    "area": lambda contact: float(contact.area_percent),
-    "mean gap": lambda contact: float(contact.mean_gap),
-    "stiffness": lambda contact: float(contact.stiffness),
-    "number of spots": lambda contact: float(contact.spots.areas.size),
+ANSWERS: Mapping[str, Quantity] = {
+    "area": AREA,
+    "mean gap": MEAN_GAP,
+    "stiffness": UNLOADING,
+    "number of spots": QUANTITIES["contact_spots"],
 }
-"""Functions that read the compared answers off a `bem.Contact`, by the names of the answers."""
+"""Quantities of a contact that are compared, by the names of the answers."""
 
 Answers = Mapping[str, float]
 """The answers of `ANSWERS` of one contact, by name; NaN if it has not converged."""
@@ -129,7 +129,7 @@ class Press:
     bodies: Bodies
     pressures: tuple[float, ...]  # rising mean pressures [MPa]
 
-    def pressed(self, heights: Heights) -> Heights:
+    def pressed_nodes(self, heights: Heights) -> Heights:
         """Return the heights of the nodes that are pressed.
 
         Parameters
@@ -170,7 +170,7 @@ class Press:
         """
         import bem
 
-        pressed = self.pressed(heights)
+        pressed = self.pressed_nodes(heights)
         nx, ny = pressed.shape
         dx, dy = self.spacing
         contacts = bem.ladder(
@@ -186,7 +186,7 @@ class Press:
         for _ in self.pressures:
             try:
                 contact = next(contacts)
-                answers = {name: ANSWERS[name](contact) for name in names}
+                answers = {name: float(ANSWERS[name].of(contact)) for name in names}
             except ArithmeticError:  # it has not converged
                 answers = dict.fromkeys(names, math.nan)
             by_pressure.append(answers)

@@ -265,6 +265,9 @@ def _with_accuracy(scene: Scene, limit: float | None, *, watched: bool) -> Scene
     database unless such a grid is found. Raises the errors of
     `gen.generation.accuracy.with_accuracy`.
     """
+    if scene.store.function is not None:
+        # A function that is missing or not trusted is refused before the trial and not after it.
+        source_hash(scene.store.function)
     with TemporaryDirectory() as folder:
         resolved = scene.resolved(Path(folder))
         if isinstance(resolved.surface, PythonSurface):

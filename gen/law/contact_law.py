@@ -259,7 +259,10 @@ def law_of(
         band = described(number, order.coverage)
         notes.append(assumption(number, order.coverage))
     notes += layer_in_words(order, bodies)
-    notes += [about.description for about in subjects.inputs if about.scene is not None]
+    if len(subjects.inputs) > 1:  # of a single input it is the title
+        notes += [
+            about.description for about in subjects.inputs if about.scene is not None
+        ]
     notes += subjects.doubts
     notes += [f"warning: {doubt}" for doubt in material_doubts(bodies)]
     notes += tables.remarks

@@ -19,6 +19,7 @@ from gen.quantities import (
     Media,
     Quantity,
     nominal_area,
+    unit_in_names,
 )
 from gen.runtime.errors import InputError
 from gen.shear import Sheared
@@ -105,8 +106,8 @@ class Answer(NamedTuple):
         """
         if not isinstance(self.value, float) or unit.name == self.unit_alone:
             return self
-        old_ending = self.unit_alone.replace("/", "_per_")
-        new_ending = unit.name.replace("/", "_per_")
+        old_ending = unit_in_names(self.unit_alone)
+        new_ending = unit_in_names(unit.name)
         return self._replace(
             column=self.column.removesuffix(old_ending) + new_ending,
             value=self.value / unit.size,

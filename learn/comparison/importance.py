@@ -231,10 +231,11 @@ def _fit_to(
 def _lines(ranking: Ranking, normalisation: str) -> Iterator[str]:
     """Yield the lines for the user on the worth of all inputs, and on the fits to fewer inputs."""
     for worth in ranking.worths:
-        yield f"  {worth.name:38} {worth.mean:9.4f} +- {worth.deviation:.4f} % of R2"
+        yield f"  {worth.name:38} {worth.mean:7.2f} +- {worth.deviation:.2f} % of R2"
     for selection in ranking.selections:
+        inputs = "input" if selection.inputs == 1 else "inputs"
         yield (
-            f"  {selection.inputs:2} inputs: R2 {selection.scores.r2:.3f} %, nMAE"
+            f"  {selection.inputs:2} {inputs}: R2 {selection.scores.r2:.3f} %, nMAE"
             f" {selection.scores.nmae:.2f} %, fit {selection.fit_seconds:.3g} s, prediction"
             f" {selection.predict_seconds:.3g} s; without {', '.join(selection.dropped) or '-'}"
         )

@@ -31,7 +31,7 @@ from gen.scene import Scene, differences
 from gen.schema import Status
 from learn import dataset
 from learn.database_rows import Dataset
-from learn.dataset import TARGETS, Request, results, short_name
+from learn.dataset import TARGETS, Request, results, unknown_target
 from learn.executor import Ended, Executor, within
 from learn.features.scene import SCENE
 from learn.grow.accuracy import (
@@ -534,11 +534,11 @@ def _fit(order: FitOrder, _: None) -> Fitted:
 
 def _check_request(request: Request, scene: Scene) -> None:
     """Refuse targets that the scene does not store, and a database that is of another scene."""
-    columns = results(scene, request.load or "delta")
+    load = request.load or "delta"
+    columns = results(scene, load)
     for target in request.targets:
         if TARGETS.get(target, target) not in columns:
-            names = ", ".join(map(short_name, columns))
-            raise InputError(f"--target {target!r}: the scene stores {names}")
+            raise InputError(unknown_target(target, "the scene", columns, load))
     path = request.databases[0]
     # `generate` does not look at the scene of a database that has enough rows.
     if path.exists():

@@ -236,8 +236,8 @@ def answers_of_parameters(
     surrogate : Surrogate
         A surrogate of a scene's own features.
     tables : sequence of Path
-        CSV tables with a column for each number that `numbers` lacks. Without tables, `numbers` has
-        all of them.
+        CSV tables with a column for each number that `numbers` lacks, by its name or with its unit
+        as the answers have it. Without tables, `numbers` has all of them.
     numbers : mapping of str to ArrayLike
         Parameters of the scene and its load by name, in its units: one number each, or (k,). They
         hold for every row of the tables.
@@ -251,7 +251,8 @@ def answers_of_parameters(
     Row
         For each row of the tables and each of the k loads: "input", the table, or "" without
         tables; the further columns of all tables, unchanged, "" where the row's table lacks one;
-        the numbers; and targets, "flag" and "reason" as in the rows of `answers`.
+        the numbers; and targets, "flag" and "reason" as in the rows of `answers`. These replace
+        further columns of the same names, with a warning on standard error.
 
     Raises
     ------
@@ -327,16 +328,19 @@ def _read_numbers(
 ) -> NumbersTable:
     """Read a table with a column for each number of the scene that the options do not give.
 
+    A column may have the name of its number, or the name with the unit that a table of answers has.
     `fixed` has the numbers of the options, for which the table has no column. Raises InputError for
     a table that cannot be used.
     """
     if path.suffix.lower() not in TABLE_SUFFIXES:
         raise InputError(
             f"{path}: the surrogate answers for {', '.join(surrogate.features.names)},"
-            f" not for surfaces: ask {command_to_type('learn predict --at')}"
+            f" not for surfaces: ask {command_to_type('learn predict --at')}, or give tables"
+            f" whose names end in {' or '.join(sorted(TABLE_SUFFIXES))}"
         )
     names = [name for name in surrogate.features.names if name not in fixed]
-    cells = _read_cells(path, names, f"the surrogate asks for {', '.join(names)}")
+    titles = {_title(name, unit_of(name)): name for name in surrogate.features.names}
+    cells = _read_cells(path, names, f"the surrogate asks for {', '.join(names)}", titles)
     given_twice = sorted(fixed.keys() & cells[0].keys())
     if given_twice:
         raise InputError(
@@ -346,9 +350,27 @@ def _read_numbers(
     further_cells = [
         {name: text for name, text in row.items() if name not in names} for row in cells
     ]
+    _warn_of_replaced_columns(path, further_cells[0], surrogate)
     return NumbersTable(
         columns=dict(zip(names, columns, strict=True)), further_cells=further_cells
     )
+
+
+def _warn_of_replaced_columns(
+    path: Path, further_cells: Mapping[str, str], surrogate: Surrogate
+) -> None:
+    """Warn of further columns of a table that have the names of columns of the answers."""
+    titles = ["flag", "reason"]
+    for learnt in surrogate.learnt.values():
+        title = _title(learnt.column, learnt.unit)
+        titles += [title, f"{title}_low", f"{title}_high"]
+    replaced = [title for title in titles if title in further_cells]
+    if replaced:
+        echo(
+            f"  warning: {path}: the answers take the place of its own {', '.join(replaced)}:"
+            " give these columns other names to keep them",
+            err=True,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -472,6 +494,12 @@ def _require_boundary(path: Path, cells: Cells, surrogate: Surrogate) -> None:
 
     An empty cell and a missing column mean "free".
     """
+    if "boundary" not in cells[0] and surrogate.boundary != "free":
+        raise InputError(
+            f"{path}: has no column boundary, which means a free one, and the surrogate was"
+            f" trained on patches with a {surrogate.boundary} one: give that column if these"
+            " surfaces are of such patches"
+        )
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
         if boundary != surrogate.boundary:
             # A cell may be long: the message quotes its first 20 letters.
@@ -517,8 +545,16 @@ def _grids_of_rows(surrogate: Surrogate, sides: Values, nodes: Values) -> list[G
     return [Grid(shape=tuple(shape), sides=tuple(length)) for shape, length in pairs]
 
 
-def _read_cells(path: Path, required: Sequence[str], advice: str) -> Cells:
+def _read_cells(
+    path: Path,
+    required: Sequence[str],
+    advice: str,
+    names_by_title: Mapping[str, str] | None = None,
+) -> Cells:
     """Read the rows of a CSV table with a header, one row or more.
+
+    A column with one of the titles of `names_by_title` gets its name, unless the table has a column
+    of that name already.
 
     Raises InputError if the table cannot be read, has no rows, has a row with more cells than the
     header, or lacks one of the `required` columns. In the last case `advice` ends the message.
@@ -526,7 +562,8 @@ def _read_cells(path: Path, required: Sequence[str], advice: str) -> Cells:
     try:
         with require_file(path).open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
-            names = [name.strip() for name in reader.fieldnames or []]
+            titles = [name.strip() for name in reader.fieldnames or []]
+            names = _names_of_columns(titles, names_by_title or {})
             reader.fieldnames = names
             rows = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -548,6 +585,18 @@ def _read_cells(path: Path, required: Sequence[str], advice: str) -> Cells:
                 " numbers or in texts without quotes?"
             )
     return rows
+
+
+def _names_of_columns(titles: list[str], names_by_title: Mapping[str, str]) -> list[str]:
+    """Return the names of columns, each its title unless `names_by_title` has another for it.
+
+    A title stays where another column has that name already.
+    """
+    names = []
+    for title in titles:
+        name = names_by_title.get(title, title)
+        names.append(title if name in titles else name)
+    return names
 
 
 def _finite_columns(

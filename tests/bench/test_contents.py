@@ -10,6 +10,7 @@ from bench.answers import FIRST, FREE, FURTHER, lines
 from bench.contents import Table, tabulated
 from bench.record import Inputs
 from bench.report import PARTS
+from gen.quantities import IN_LAWS, typographic
 from gen.runtime.errors import InputError
 
 
@@ -42,6 +43,18 @@ def test_large_forces_are_shown_in_newtons(tmp_path):
         ["50.78", "2000"],
         ["", "∞"],
     ]
+
+
+def test_columns_of_quantities_are_shown_with_their_units(tmp_path):
+    units = {
+        name: typographic(quantity.law_unit)
+        for name, quantity in IN_LAWS.items()
+        if quantity.law_unit not in {"1", "%"}
+    }
+    (tmp_path / "a.csv").write_text(",".join(units) + "\n" + ",".join("1" * len(units)))
+    titles = tabulated(Table(tmp_path / "a.csv", "")).titles
+    for title, unit in zip(titles, units.values(), strict=True):
+        assert title.text.endswith(f" [{unit}]")
 
 
 def test_tables_without_a_column_are_refused(tmp_path):

@@ -1,5 +1,7 @@
 """What is read, what is left out, what goes together, and which rows no split may divide."""
 
+import re
+
 import h5py
 import numpy as np
 import pytest
@@ -9,9 +11,9 @@ from learnt_rows import read
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import columns_for
-from gen.schema import TABLE_1, Reason, Status
+from gen.schema import COLUMNS, TABLE_1, Reason, Status
 from learn import dataset
-from learn.dataset import Request, results
+from learn.dataset import Request, results, unknown_target
 from learn.features.columns import NODES
 from learn.features.sets import SETS
 
@@ -113,6 +115,19 @@ def test_what_nothing_can_be_learnt_from_is_refused(change, column, rows, value,
 def test_a_target_that_is_not_stored_is_refused_with_those_that_are(solved, target):
     with pytest.raises(InputError, match=r"stores area, force, contact_nodes"):
         read(solved, target)
+
+
+@pytest.mark.parametrize(
+    ("target", "load", "words"),
+    [
+        ("delta", "delta", "it is a target under --load pressure"),
+        ("force", "pressure", "the force is the load, or follows from it"),
+        ("areas", "delta", "'areas': database.h5 stores area$"),
+    ],
+)
+def test_a_load_is_no_target_and_the_line_says_so(target, load, words):
+    columns = {each.name: each for each in COLUMNS if each.name == "area_percent"}
+    assert re.search(words, unknown_target(target, "database.h5", columns, load))
 
 
 def test_usual_rows_have_no_remarks(solved):

@@ -267,6 +267,7 @@ LINE = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
         ([*LINE, "--fill"], "reads no surfaces"),
         (["asked.csv", "--at", "hurst=0.7", "--pressure", "0.01"], "has its own hurst"),
         (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
+        (["surface.npy"], "tables whose names end in .csv or .txt"),
     ],
 )
 def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
@@ -287,6 +288,19 @@ def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
 def test_wrong_numbers_of_a_law_are_refused_in_a_line(small, refused, options, said):
     options = [str(small / each) if each.endswith(".npy") else each for each in options]
     assert said in refused(learn_cli, "law", small / "s.surrogate", *options)
+
+
+def test_a_table_of_answers_can_be_asked_again(path, tmp_path, capsys):
+    (tmp_path / "asked.csv").write_text("hurst,rms_height\n0.6,1.0\n")
+    first = predicted(
+        path, tmp_path, str(tmp_path / "asked.csv"), "--pressure", "0.002,0.02"
+    )
+    assert "warning" not in capsys.readouterr().err
+    table = (tmp_path / "answers.csv").rename(tmp_path / "first.csv")
+    assert "pressure_MPa" in table.read_text()
+    again = predicted(path, tmp_path, str(table))
+    assert "answers take the place of its own flag, reason" in capsys.readouterr().err
+    assert column(again, "area_percent") == column(first, "area_percent")
 
 
 def test_a_growth_of_scene_features_takes_no_model_without_an_error_of_its_mean(

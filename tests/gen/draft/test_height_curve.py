@@ -39,7 +39,7 @@ def test_the_spacing_is_that_of_each_axis():
 
 
 def test_curves_agree_up_to_a_difference_of_the_highest_nodes():
-    curve = HeightCurve.of([made(seed=4)])
+    curve = HeightCurve.by_quantiles([made(seed=4)])
     for factor, agrees in ((1.1, True), (1.2, False)):
         other = HeightCurve(scores=curve.scores, heights=factor * curve.heights)
         assert other.has_bearing_heights_of(curve) == agrees

@@ -229,6 +229,15 @@ def test_another_scene_is_refused_without_a_trial(folder, no_trial, capsys):
         assert line in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("untrusted")
+def test_outputs_without_trust_are_refused_before_a_trial(folder, no_trial, capsys):
+    (folder / "own.py").write_text("raise MemoryError\n")
+    (folder / "own.toml").write_text(SCENE + '[store]\nfunction = "own:outputs"\n')
+    no_trial()
+    assert run("own.toml", "-o", "own.h5") == 2
+    assert "runs only with --trust" in capsys.readouterr().err
+
+
 def test_an_accuracy_is_refused_for_a_database_without_one(folder, no_trial, capsys):
     (folder / "plain.toml").write_text(
         SCENE.replace(ASKED, "").replace("side", "nodes=48\nside")
