@@ -5,10 +5,11 @@ A slip of a unit or a missing modulus has one of these symptoms, and each is a r
 - numbers of a material that no solid has,
 - surfaces that are too steep for the theory,
 - loads under which every node touches, or at most one,
-- pressures at which real bodies yield.
+- pressures at which real bodies yield,
+- loads that bodies of the given hardness cannot bear.
 
 A single problem is doubted if one of its contacts has a symptom. A database may have extreme rows
-on purpose: it is doubted if more than half of its rows have one.
+on purpose: it is doubted if more than half of its rows have one, or if any row is sure to fail.
 """
 
 from __future__ import annotations
@@ -346,6 +347,29 @@ def _yielding_doubts(
         f" is larger than this elastic one; give --hardness{units}"
     )
     return [line]
+
+
+def unborne_loads(rows: int, planned: str, pressure: float) -> str:
+    """Doubt loads that are at or above what the hardness bears, so that their rows fail.
+
+    Parameters
+    ----------
+    rows : int
+        Number of the rows with such a load.
+    planned : str
+        The rows among which these were counted, as "400 rows".
+    pressure : float
+        The largest nominal pressure of these [MPa].
+
+    Returns
+    -------
+    str
+        The line, without "warning:".
+    """
+    return (
+        f"the hardness does not bear the load of {rows} of {planned}, which will fail: nominal"
+        f" pressures reach {pressure:.4g} MPa; give smaller loads or a larger hardness"
+    )
 
 
 def rows_doubts(

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from gen.arrays import Values
 
 MARGIN = 0.05
-"""Largest relative distance from the end of its range with which a value is not flagged [1]."""
+"""Margin within which a value beyond its range is not flagged, over the largest magnitude in the
+range [1]."""
 
 
 def margins(low: Values, high: Values, is_logarithm: NDArray[np.bool_]) -> Values:

@@ -1,5 +1,7 @@
 """Units in which numbers for people have no exponents: N, GPa and N/um.
 
+Times have three digits, in ms or s.
+
 Files keep the units of all computations: forces in uN, moduli and pressures in MPa.
 """
 
@@ -65,3 +67,22 @@ def with_unit(number: float, unit: str, digits: int = 4) -> str:
     """
     readable = readable_unit(unit, number, digits)
     return f"{number / readable.size:.{digits}g} {readable.name}"
+
+
+def time_with_unit(seconds: float) -> str:
+    """Write a measured time with three significant digits, in ms below a second.
+
+    Parameters
+    ----------
+    seconds : float
+        The time [s].
+
+    Returns
+    -------
+    str
+        The time and its unit, as "23.5 ms" or "6.03 s".
+    """
+    rounded = float(f"{seconds:.3g}")
+    if rounded < 1:
+        return f"{1e3 * rounded:.6g} ms"
+    return f"{rounded:.6g} s"

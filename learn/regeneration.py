@@ -340,9 +340,11 @@ class Regeneration:
         ).all(axis=1)
         wrong = missing & ~agrees
         if wrong.any():
+            # Damaged rows are the likely cause, and other features would learn from them.
+            remedy = self.part.damage or "use --features paper or dimensionless"
             raise InputError(
                 f"{self.part.path}: row {block.first + np.argmax(wrong)}, generated anew from its"
-                " scene, is another surface: use --features paper or dimensionless"
+                f" scene, is another surface: {remedy}"
             )
         self.cache.values[inside][missing] = features.values[missing]
 

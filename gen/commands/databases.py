@@ -133,6 +133,7 @@ def estimate(
     from gen.generation.completion import completed, load_scene
     from gen.generation.forecast import measured_time
     from gen.runtime.memory import format_bytes
+    from gen.units import time_with_unit
 
     completed_scene = completed(load_scene(scene), watched=True)
     measured = measured_time(completed_scene)
@@ -142,8 +143,8 @@ def estimate(
     noun = "worker" if workers == 1 else "workers"
     time = _duration(completed_scene.samples * measured.mean / workers)
     echo(
-        f"  time      {time} on {workers} {noun}: {1e3 * measured.mean:.2f} ms a sample, mean of"
-        f" {measured.samples} measured here"
+        f"  time      {time} on {workers} {noun}: {time_with_unit(measured.mean)} a sample, mean"
+        f" of {measured.samples} measured here"
     )
     # This process has worked as a worker does. A master takes less memory than a worker.
     peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # Linux counts in KiB

@@ -20,7 +20,7 @@ from gen.schema import (
     Status,
     made_by_other_solver,
 )
-from gen.units import readable_unit
+from gen.units import readable_unit, time_with_unit
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from collections.abc import Iterable, Mapping, Sequence
@@ -122,13 +122,17 @@ def _print_origin(reader: Reader) -> None:
 
 
 def _print_times(reader: Reader) -> None:
-    """Print the times that the done rows took, of which there is at least one [ms]."""
+    """Print the times that the done rows took, of which there is at least one."""
     done = reader.column("status") == Status.DONE
-    solve = 1e3 * reader.column("solve_seconds")[done]
-    surface = 1e3 * reader.column("surface_seconds")[done]
+    solve = reader.column("solve_seconds")[done]
+    surface = reader.column("surface_seconds")[done]
+    mean = time_with_unit(float(solve.mean()))
+    median = time_with_unit(float(np.median(solve)))
+    longest = time_with_unit(float(solve.max()))
+    mean_of_surface = time_with_unit(float(surface.mean()))
     echo(
-        f"  times     solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
-        f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
+        f"  times     solve {mean} on average, {median} median, {longest} at most;"
+        f" surface and statistics {mean_of_surface}"
     )
 
 

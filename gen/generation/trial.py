@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gen.arrays import Columns
-from gen.doubts import SolvedRows, Tally, rows_doubts
+from gen.arrays import Columns, Values
+from gen.doubts import SolvedRows, Tally, rows_doubts, unborne_loads
 from gen.generation.plan import parameters
 from gen.material import Bodies
 from gen.quantities import CONTACT_NODES, DELTA, FORCE
@@ -28,6 +28,7 @@ from gen.statistics import rms_slope_of
 
 if TYPE_CHECKING:
     from gen.database import Reader
+    from gen.generation.plan import Plan
     from gen.scene import Scene
 
 PLANNED_ROWS = 1000
@@ -76,14 +77,18 @@ def doubts_before(scene: Scene, rows: int) -> list[str]:
     -------
     list of str
         One line for each doubt. Rows that take too long, have no solution or fail in the trial
-        cause no doubt.
+        cause no doubt, except rows whose load is above what the hardness bears.
     """
     tally = Tally()
     if math.prod(scene.grid.shape) <= MOST_NODES:
         tally = _tally_of_trial(scene, _tried_rows(scene, rows))
     if scene.quantity in {"pressure", "force"}:
         # The plan has the loads of all rows, of which the trial had only a few.
-        tally = replace(tally, pressure=_largest_planned_pressure(scene))
+        plan = parameters(scene, start=0, stop=min(scene.samples, PLANNED_ROWS))
+        pressures = _nominal_pressures(scene, plan.load)
+        tally = replace(tally, pressure=float(pressures.max()))
+        doubts = _doubts(scene, tally, noun="tried rows")
+        return doubts + _doubts_about_hardness(scene, plan, pressures)
     return _doubts(scene, tally, noun="tried rows")
 
 
@@ -160,18 +165,30 @@ def _tally(scene: Scene, columns: Columns) -> Tally:
     return Tally.of(solved, math.prod(grid.shape))
 
 
-def _largest_planned_pressure(scene: Scene) -> float:
-    """Return the largest nominal pressure that is planned for the first `PLANNED_ROWS` rows [MPa].
+def _nominal_pressures(scene: Scene, loads: Values) -> Values:
+    """Return the nominal pressures of loads [MPa], which are pressures or forces."""
+    if scene.quantity == "pressure":
+        return loads
+    area = math.prod((*scene.grid.shape, *scene.grid.spacing))  # of the patch [um2]
+    return loads / area
 
-    The loads of the scene must be pressures or forces.
+
+def _doubts_about_hardness(scene: Scene, plan: Plan, pressures: Values) -> list[str]:
+    """Return a line if the hardness does not bear loads of the first rows of the plan, else none.
+
+    `pressures` are the nominal pressures of these rows [MPa]. The mean pressure on a patch of
+    bodies that yield is below the hardness. If the scene has a wrong material, another line tells.
     """
-    planned_rows = min(scene.samples, PLANNED_ROWS)
-    loads = parameters(scene, start=0, stop=planned_rows).load
-    largest = float(loads.max())
-    if scene.quantity == "force":
-        area = math.prod((*scene.grid.shape, *scene.grid.spacing))  # of the patch [um2]
-        largest /= area
-    return largest
+    if plan.hardness is None or scene.contact.doubts:
+        return []
+    unborne = pressures >= plan.hardness
+    if not unborne.any():
+        return []
+    planned = f"{unborne.size} rows"
+    if unborne.size < scene.samples:
+        planned = f"the first {planned}"
+    largest = float(pressures[unborne].max())
+    return [unborne_loads(int(unborne.sum()), planned, largest)]
 
 
 def _tried_rows(scene: Scene, rows: int) -> list[int]:

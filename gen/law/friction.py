@@ -16,6 +16,13 @@ from gen.law.unit_systems import UnitSystem
 from gen.quantities import ELASTIC_SLIPS, SHEAR_STIFFNESSES, Quantity
 from gen.runtime.errors import InputError
 
+PARTS = {
+    "value": "the law",
+    "low": "the low end of its band",
+    "high": "the high end of its band",
+}
+"""Words for the parts of a curve, by the names of its attributes."""
+
 
 @dataclass(frozen=True)
 class Stick:
@@ -62,8 +69,8 @@ def elastic_slip(law: Law, part: str, system: UnitSystem) -> Stick:
     unit = system.length_unit
     words = (
         f"Elastic slip: {median:.4g} {unit} for all pressures and directions. It is the median of"
-        f" the law, in which it is {along_x} {unit} along x and {along_y} {unit} along y, from"
-        f" {slips.pressures[0]:g} to {slips.pressures[-1]:g} MPa."
+        f" {PARTS[part]}, in which it is {along_x} {unit} along x and {along_y} {unit} along y,"
+        f" from {slips.pressures[0]:g} to {slips.pressures[-1]:g} MPa."
     )
     return Stick(value=median, words=words)
 
@@ -106,8 +113,8 @@ def stick_slope(law: Law, pressure: float, part: str, system: UnitSystem) -> Sti
     unit = f"{system.pressure_unit}/{system.length_unit}"
     words = (
         f"Stick slope: {slope:.4g} {unit} for all pressures and directions. It is the mean of the"
-        f" stiffnesses in shear at {pressure:g} MPa: {slopes[0]:.4g} {unit} along x and"
-        f" {slopes[1]:.4g} {unit} along y."
+        f" stiffnesses in shear of {PARTS[part]} at {pressure:g} MPa:"
+        f" {slopes[0]:.4g} {unit} along x and {slopes[1]:.4g} {unit} along y."
     )
     return Stick(value=slope, words=words)
 

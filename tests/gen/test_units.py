@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gen.maps.answers import Answer
-from gen.units import LARGER_UNITS, Unit, readable_unit, with_unit
+from gen.units import LARGER_UNITS, Unit, readable_unit, time_with_unit, with_unit
 
 
 @pytest.mark.parametrize("unit", LARGER_UNITS)
@@ -38,3 +38,18 @@ def test_an_answer_keeps_its_remark_in_another_unit():
         "stiffness_N_per_um", 80.0, "stiffness", "N/um, of unloading", 2.0
     )
     assert stiffness.in_unit(Unit("N/m", 1.0)) is stiffness
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.0, "0 ms"),
+        (0.023544, "23.5 ms"),
+        (0.99996, "1 s"),
+        (6.02601, "6.03 s"),
+        (1234.5, "1230 s"),
+        (math.inf, "inf s"),
+    ],
+)
+def test_measured_times_have_three_digits(seconds, text):
+    assert time_with_unit(seconds) == text

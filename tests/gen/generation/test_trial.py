@@ -13,6 +13,7 @@ from gen.generation.sample import compute_rows, surface_numbered
 from gen.generation.trial import doubts_after, doubts_before
 from gen.runtime.errors import InputError
 from gen.scene import Scene, load, preset_names
+from gen.schema import Reason
 from tests import user_functions
 from tests.databases import deterministic_bytes
 
@@ -194,6 +195,27 @@ def test_pressures_are_judged_where_no_row_can_be_tried():
     assert line.endswith(
         "E* is 1 MPa, the default without a modulus (modulus in [contact])"
     )
+
+
+@pytest.mark.parametrize("hardness", ["8e3", "[2e3, 8e3]"])
+def test_rows_whose_load_the_hardness_does_not_bear_are_counted_before_a_run(hardness):
+    """As many as then fail; the largest load is that of the plan."""
+    loads = PRESSURE.replace("[50, 100]", "{ log_uniform = [100.0, 2e4] }")
+    text = f"{PATCH}{loads}{STEEL}hardness = {hardness}\n".replace("= 4", "= 40")
+    scene = Scene.parse(text, "a.toml")
+    columns = compute_rows(scene, 0, 40)
+    failed = columns["reason"] == Reason.BEYOND_HARDNESS
+    assert 0 < failed.sum() < 20
+    (line,) = doubts_before(scene, 40)
+    assert f"the load of {failed.sum()} of 40 rows, which will fail" in line
+    assert f"reach {columns['load'][failed].max():.4g} MPa" in line
+
+
+def test_of_a_long_plan_the_first_rows_are_counted():
+    force = PRESSURE.replace("pressure", "force").replace("[50, 100]", "[1e6, 1e9]")
+    text = f"{PATCH}{force}{STEEL}hardness = 2e3\n".replace("= 4", "= 4000")
+    (line,) = doubts_before(Scene.parse(text, "a.toml"), 4)
+    assert " of the first 1000 rows, which will fail" in line
 
 
 @pytest.mark.usefixtures("untrusted")

@@ -16,7 +16,8 @@ import bem
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements, solver
-from gen.law.finite_elements import outwards
+from gen.law.finite_elements import in_words, outwards
+from gen.law.lines import Deviation
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from tests.bem.waves import random_waves
@@ -658,3 +659,8 @@ def test_the_input_of_freecad_closes_as_the_law_says(here):
     table = table[table.against == "pressure_MPa"]
     expected = np.interp(PRESSURE, table.pressure_MPa, table.closure_um)
     assert 1e3 * closure == pytest.approx(expected, rel=0.02)
+
+
+def test_large_distances_from_the_law_are_written_without_powers_of_ten():
+    distances = {"loss": Deviation(inside=1.6, outside=0.0123)}
+    assert "touch: loss 160 %; elsewhere: loss 1.2 %" in in_words(distances)
