@@ -39,7 +39,7 @@ def test_tables_of_the_pages_are_filled(name):
 
 
 def test_no_page_repeats_a_table_of_the_results():
-    """README.md is not built, so that it has one table of its own, which tests/test_readme.py holds."""
+    """README.md is not built, so its table stands in it: tests/test_readme.py holds that."""
     built = "\n".join(text for page, text in PAGES.items() if page != "README.md")
     for name in TABLES:
         for line in markdown_of(name).splitlines()[2:]:
