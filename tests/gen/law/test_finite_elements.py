@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ import bem
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements, solver
-from gen.law.finite_elements import in_words, outwards
+from gen.law.finite_elements import beyond_in_words, in_words, outwards
 from gen.law.lines import Deviation
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -664,3 +665,12 @@ def test_the_input_of_freecad_closes_as_the_law_says(here):
 def test_large_distances_from_the_law_are_written_without_powers_of_ten():
     distances = {"loss": Deviation(inside=1.6, outside=0.0123)}
     assert "touch: loss 160 %; elsewhere: loss 1.2 %" in in_words(distances)
+
+
+def test_files_tell_loads_outside_a_training_from_loads_that_nobody_gave():
+    table = SimpleNamespace(
+        at=np.array([1.0, 2.0, 3.0]), flagged=np.array([False, False, True])
+    )
+    law = SimpleNamespace(over_pressure=table)
+    assert "outside the surrogate's training" in beyond_in_words(law, 2.0)
+    assert "Give larger pressures" in beyond_in_words(law, 3.0)
