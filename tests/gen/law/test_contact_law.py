@@ -192,7 +192,7 @@ def test_every_map_of_a_folder_is_pressed_against_the_second_body(surfaces, run)
 
 
 def test_a_scene_names_the_second_body_itself(surfaces, capsys):
-    command = ["law", "quick", *LOADS, "--against", "many/s1.npy", "--side", "100"]
+    command = ["law", "quick", *LOADS, "--against", "many/s1.npy"]
     assert cli.main(command) == 2
     assert "surface.against" in capsys.readouterr().err
 
