@@ -152,7 +152,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
             (
                 ("--budget soon", "soon"),
                 ("--candidates 9", "--candidates"),
-                ("--candidates 10 --budget 2h", "give one of them"),
+                ("--candidates 10 --budget 2h", "only one of them"),
             ),
         ),
         "show": Command("<comparison>"),

@@ -1,5 +1,6 @@
 """Every command on three ranks with bad input of every kind: one line, code 2, and never a hang."""
 
+import re
 from importlib.util import find_spec
 
 import command_lines
@@ -14,6 +15,9 @@ GOOD = [
     ["learn", "compare", "good.h5", "-o", "comparison", "--model", "decision-tree"],
 ]
 """What succeeds on three ranks, and makes the files that the other command lines name."""
+
+REPEATED = re.compile(r"warning: \S+ was given \d+ times: the last one counts\n")
+"""The warning of an option with one value that is given again."""
 
 LEARNING = find_spec("sklearn") is not None
 """Whether the extra 'learn' is there; where h5py has MPI it need not be."""
@@ -44,10 +48,12 @@ def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
         assert [end.errors for end in ends] == [refusal, "", ""]
     wrong = []
     for (program, arguments, word), ends in zip(cases, ended, strict=True):
-        (code, said), *others = [(end.code, end.errors) for end in ends]
-        right = word in said or (not LEARNING and " needs " in said)
-        line = said.startswith(f"{program}: ") and said.count("\n") == 1 and right
-        if code != 2 or others != [(2, ""), (2, "")] or not line:
+        (code, errors), *others = [(end.code, end.errors) for end in ends]
+        # A bad value follows a good one of the same option, which is warned of.
+        refusal = REPEATED.sub("", errors)
+        is_right = word in refusal or (not LEARNING and " needs " in refusal)
+        is_line = refusal.startswith(f"{program}: ") and refusal.count("\n") == 1
+        if code != 2 or others != [(2, ""), (2, "")] or not (is_line and is_right):
             wrong.append(f"{program} {' '.join(arguments)[:150]}: {ends}")
     assert not wrong, "\n".join([f"{len(wrong)} of {len(cases)}", *wrong])
     left = {path.name for path in tmp_path.iterdir()}
