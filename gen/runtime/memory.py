@@ -90,12 +90,13 @@ def require_blas() -> None:
 
     Without such a limit, nothing is done. OpenBLAS allocates a buffer at its first large product,
     one in NumPy and one in SciPy, and keeps it. If there is no room for the buffer, OpenBLAS ends
-    the process or tries forever. A child process therefore tries first.
+    the process or tries forever. A child process therefore tries first. It needs `HEADROOM` beside
+    the buffers, since this process may need a little more than its child.
 
     Raises
     ------
     MemoryError
-        If there is no room for the buffers, or less than `HEADROOM` beside them.
+        If there is no room for the buffers and `HEADROOM` beside them.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:
@@ -105,22 +106,19 @@ def require_blas() -> None:
         _try_blas()
     _, status = os.waitpid(child, 0)
     if status:  # the child has failed, or a signal has ended it
+        needed = format_bytes(HEADROOM)
         raise MemoryError(
-            "no room for NumPy, SciPy and their buffers for products of matrices"
+            "no room for NumPy, SciPy and their buffers for products of matrices,"
+            f" with {needed} beside them"
         )
     _use_blas()
-    try:
-        mmap.mmap(-1, HEADROOM).close()
-    except OSError:
-        needed = format_bytes(HEADROOM)
-        raise MemoryError(f"{needed} are wanted besides NumPy and SciPy") from None
 
 
 def _try_blas() -> NoReturn:
     """Use BLAS in a child process, and end the process.
 
-    The exit code is 0 only if BLAS has its buffers. A signal ends the process after
-    `BLAS_PATIENCE`.
+    The exit code is 0 only if BLAS has its buffers and there is `HEADROOM` beside them. A signal
+    ends the process after `BLAS_PATIENCE`.
     """
     try:
         # OpenBLAS complains on standard error.
@@ -129,6 +127,7 @@ def _try_blas() -> NoReturn:
         signal.signal(signal.SIGPROF, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_PROF, BLAS_PATIENCE)
         _use_blas()
+        mmap.mmap(-1, HEADROOM).close()
         os._exit(0)
     finally:
         os._exit(1)

@@ -108,9 +108,8 @@ def test_little_address_space_ends_with_a_line_or_suffices(megabytes, line, here
         assert "more memory than there is" in last or "none.surrogate" in last
 
 
-@pytest.mark.long
 @pytest.mark.mpi
-@pytest.mark.parametrize("rank", [0, 1])
+@pytest.mark.parametrize("rank", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_one_of_three_ranks_with_little_address_space_ends_all(rank, here):
     (here / "rows.toml").write_text("samples = 9\n[surface]\nnodes = 33\n")
     words = ["-m", "mpi4py", "-m", "gen", "run", "rows.toml", "-o", "rows.h5"]
